@@ -83,6 +83,19 @@ def test_an_output_that_some_points_lack_is_left_out(tmp_path):
         assert any(said in each for each in find_in_effects(found, "e"))
 
 
+def test_an_output_that_one_of_the_models_lacks_is_left_out(tmp_path):
+    """Regression: "12 of 24 points are missing" of a study whose points all finished, and no effects."""
+    (tmp_path / "s.toml").write_text(
+        '[study]\nname = "t"\n[factors]\nmodel.values = ["equilibrium", "kinetostatic"]\n'
+        'joint_angle_deg.values = [4, 8]\n[keep]\noutputs = ["thrust_amplitude", "needle_skew_summary_deg"]\n'
+        "[analysis.effects]\n"
+    )
+    td.run(tmp_path / "s.toml", tmp_path / "out", workers=0, progress=False)
+    with td.open_cube(tmp_path / "out" / "analysis" / "effects.nc") as found:
+        assert (found.attrs["points_used"], found.attrs["outputs"]) == (4, "thrust_amplitude")
+        assert found.attrs["left_out"].startswith("needle_skew_summary_deg: 2 of 4 points do not have it")
+
+
 VIBRATING = ("sobol", "morris", "effects", "tolerance", "surrogate", "pawn", "multifidelity")
 
 

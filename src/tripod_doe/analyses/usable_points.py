@@ -177,10 +177,10 @@ def analysed_points(cube: xr.Dataset) -> xr.Dataset:
 
 
 def whole_outputs(cube: xr.Dataset, asked: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """The requested outputs, else all results but those of one number a point that some of the finished points lack.
+    """The requested outputs, else all results but those that some of the finished points lack.
 
-    A model may give an output at some points only, as a balance does the third order with a vibration: the others are
-    not lost for the rest of the outputs.
+    A model may give an output at some points only, as a balance does the third order with a vibration, and of several
+    models one may not give it at all: the others are not lost for the rest of the outputs.
 
     Returns:
         The outputs, all of them if none of the others is whole; and the attribute ``left_out`` of the result, a line
@@ -193,12 +193,10 @@ def whole_outputs(cube: xr.Dataset, asked: Sequence[str]) -> tuple[list[str], di
     if asked:
         return names, {}
     finished = cube["outcome"].values == Outcome.FINISHED
-    lacking = {
-        name: int(np.isnan(cube[name].values[finished]).sum()) for name in names if cube[name].dims == ("point",)
-    }
+    lacking = {name: int((finished & ~all_finite(cube[name].variable)).sum()) for name in names}
     count = int(finished.sum())
     sparse = [name for name, lost in lacking.items() if 0 < lost < count]
-    if not sparse or all(lacking.get(name, 0) for name in names):  # none is whole
+    if not sparse or all(lacking.values()):  # none is whole
         return names, {}
     lines = [
         f"{name}: {lacking[name]:,} of {count:,} points do not have it; name it alone to analyse the rest"

@@ -90,6 +90,23 @@ def test_keys_that_differ_are_listed_and_no_others(runs):
     assert found.program == []
 
 
+def test_rows_of_the_parts_of_a_product_are_no_factors(tmp_path):
+    """Regression: products of equal points in another order shared none, "no point has the same factor values"."""
+    text = (
+        '[study]\nname = "p"\n[base]\nmodel = "equilibrium"\n[factors]\njoint_angle_deg.values = [{}]\n'
+        "torque_n_m.values = [30, 60]\nspeed_rpm.values = [300, 600]\n[design]\nkind = 'product'\nof = ['a', 'z']\n"
+        "[design.a]\nkind = 'grid'\nfactors = ['joint_angle_deg']\n[design.z]\nkind = 'zip'\n"
+        "factors = ['torque_n_m', 'speed_rpm']\n[keep]\noutputs = ['thrust_amplitude']\n"
+    )
+    for name, angles in (("one", "4, 8"), ("other", "9, 8, 4")):
+        (tmp_path / f"{name}.toml").write_text(text.format(angles))
+        td.run(tmp_path / f"{name}.toml", out=tmp_path / name, progress=False, workers=0)
+    found = diff(tmp_path / "one", tmp_path / "other")
+    assert found.points == {"a": 4, "b": 6, "shared": 4}
+    assert [one.variable for one in found.equal] == ["thrust_amplitude"]
+    assert not found.results
+
+
 def test_a_factor_of_one_study_alone_is_matched_with_the_base_of_the_other(runs):
     found = diff(runs / "list", runs / "a")
     assert found.points == {"a": 3, "b": 6, "shared": 2}

@@ -234,9 +234,16 @@ def test_a_number_leads_to_its_point_its_curve_and_the_same_point_again(served, 
     names = page.evaluate("document.getElementById('curve-figure').data.map(trace => trace.name)")
     assert names[-1] == "again"
     panel.get_by_label("torque n m").fill("12,5")
+    alone = "document.getElementById('curve-figure').data.every(trace => trace.name !== 'again')"
+    assert page.evaluate(alone)  # regression: the curve of other values stayed
     panel.get_by_role("button", name="Simulate").click()
     panel.get_by_text("expected a number").wait_for()
-    assert page.evaluate("document.getElementById('curve-figure').data.every(trace => trace.name !== 'again')")
+    page.route("**/simulate", lambda route: (time.sleep(0.5), route.continue_()))
+    panel.get_by_label("torque n m").fill("30")
+    panel.get_by_role("button", name="Simulate").click()
+    panel.get_by_label("torque n m").fill("60")
+    until(page, "!document.querySelector('#again [type=submit]').disabled")
+    assert page.evaluate(alone)
 
 
 def test_what_is_copied_and_saved_are_the_numbers_that_are_seen(served, page, coast):
@@ -422,6 +429,45 @@ def test_a_measurement_is_laid_over_a_point(served, page, coast):
     page.get_by_role("button", name="Compare").click()
     page.locator(".findings").get_by_text("measured third order").first.wait_for()
     until(page, "document.getElementById('waveform').data?.map(trace => trace.name).join() === 'measured,model'")
+
+
+def test_a_comparison_stands_beside_nothing_but_what_it_is_of(served, page, coast, tmp_path):
+    """Regression: it stayed when another point was chosen, came under another file, and did not name its point."""
+    record = ROOT / "measurements" / "run_up.csv"
+    page.goto(f"{served.home}/compare?run={coast}")
+    page.set_input_files("#table", record)
+    for name, value in (("joint_angle_deg", "9"), ("torque_n_m", "40"), ("bearing_radial_clearance_mm", "0.01")):
+        page.select_option(f"[data-select={name}]", value)
+    page.get_by_role("button", name="Compare").click()
+    page.locator("#overview tbody tr").get_by_text("joint_angle_deg 9").wait_for()
+    page.locator("#findings").get_by_text("measured third order").first.wait_for()
+    page.select_option("[data-select=joint_angle_deg]", "")
+    assert page.locator("#findings, #table-of-orders, #waveform, #overview").all_inner_texts() == [""] * 4
+    asked = []
+    page.route("**/compare", lambda route: (asked.append(route), time.sleep(0.5), route.continue_()))
+    page.get_by_role("button", name="Compare").click()
+    (tmp_path / "other.csv").write_bytes(record.read_bytes())
+    page.set_input_files("#table", tmp_path / "other.csv")
+    until(page, "!document.querySelector('#controls [type=submit]').disabled")
+    assert len(asked) == 1
+    assert page.locator("#findings, #table-of-orders, #waveform, #overview").all_inner_texts() == [""] * 4
+
+
+def test_runs_that_are_chosen_are_those_of_the_address_after_going_back(served, page, coast, sampled):
+    """Regression: the browser put back a choice that was made later, and another run was compared."""
+    page.goto(f"{served.home}/compare?run={coast}")
+    page.select_option("#run", sampled)
+    page.wait_for_url(f"**/compare?run={sampled}")
+    page.go_back()
+    page.wait_for_url(f"**/compare?run={coast}")
+    assert page.locator("#run").input_value() == coast
+    page.goto(f"{served.home}/diff?a={coast}&b={coast}")
+    page.select_option("[name=b]", sampled)
+    page.get_by_role("button", name="Show").click()
+    page.wait_for_url(f"**b={sampled}")
+    page.go_back()
+    page.wait_for_url(f"**b={coast}")
+    assert page.locator("[name=b]").input_value() == coast
 
 
 def test_several_files_with_umlauts_and_a_column_that_is_chosen(served, page, coast, tmp_path):
@@ -614,6 +660,17 @@ def test_the_price_of_a_point_is_told_before_it_is_simulated_and_its_contributio
     text = page.locator("#text").input_value()
     assert 'kind = "ablation"' in text
     assert "[analysis.contribution]" in text
+
+
+def test_failed_points_of_a_workflow_lead_to_its_steps(served, page):
+    """Regression: the number of failed points led to "name one of its steps"."""
+    study = '[study]\nname = "bad"\n[factors.roller_width_mm]\nvalues = [11, 80]\n'
+    workflow = '[workflow]\nname = "w"\n[steps.bad]\nkind = "study"\nstudy = "bad.toml"\n'
+    asked = {"workflow": workflow, "files": {"bad.toml": study}}
+    page.goto(f"{served.home}/runs/{served.ask('POST', '/api/v1/runs', asked)['id']}")
+    page.get_by_role("link", name="1 failed").click(timeout=60_000)
+    page.get_by_text("1 point ended as jammed").first.wait_for()
+    assert page.url.endswith("/steps")
 
 
 def test_a_workflow_of_the_gallery_comes_with_its_studies(served, page):

@@ -51,6 +51,23 @@ def test_values_match_to_1e_9(cube):
     assert query(cube, "f", ["x=0.3000001"], nearest=True)["x"].values.tolist() == [0.3]
 
 
+def test_the_nearest_point_is_near_in_all_that_is_asked_for():
+    """Regression: the first coordinate alone decided, by a hundredth of its range."""
+    cube = xr.Dataset(
+        {"f": ("point", np.arange(4.0))},
+        {
+            "x": ("point", [0.0, 5.0, 5.1, 10.0]),
+            "y": ("point", [0.0, 0.0, 1000.0, 900.0]),
+            "model": ("point", np.array(["a", "a", "a", "b"], object)),
+        },
+    )
+    for select in (["x=5", "y=950"], ["y=950", "x=5"]):
+        assert query(cube, "f", select, nearest=True)["f"].values.tolist() == [2]
+        assert query(cube, "f", [*select, "model=b"], nearest=True)["f"].values.tolist() == [3]
+    assert query(cube, "f", ["x=5", "y=0"], nearest=True)["f"].values.tolist() == [1]
+    assert query(cube, "f", ["x=5", "y=inf"], nearest=True)["f"].size == 0
+
+
 def test_a_value_is_found_as_it_is_printed(cube):
     """Regression: -13.3333 of a table found nothing; two labels that print alike are ambiguous."""
     thirds = cube.assign_coords(x=("point", [-40 / 3, 1 / 3, 1 / 3 * (1 + 1e-7), 2 / 3]))

@@ -11,17 +11,23 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.diff.definitions import fixed_parameters
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError
+from tripod_doe.study.cube.dataset import ROW_OF_PART
+from tripod_doe.study.designs import SAMPLE
 
+_LABELS = ("point", "varied", SAMPLE)
 _MATCH = 1e-9  # relative, as selections match
 
 
 def factors_of(cube: xr.Dataset) -> list[str]:
-    """Names of the factors of a cube: the coordinates of its points, but for their numbers."""
+    """Names of the factors of a cube: the coordinates of its points, but for numbers and labels of points and rows."""
     points = set(cube["outcome"].dims)
     return [
         str(name)
         for name in cube.coords
-        if name not in ("point", "varied") and cube[name].dims and set(cube[name].dims) <= points
+        if name not in _LABELS
+        and cube[name].attrs.get("long_name") != ROW_OF_PART
+        and cube[name].dims
+        and set(cube[name].dims) <= points
     ]
 
 

@@ -23,6 +23,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pydantic import Field
 
+from tripod_doe.analyses.diff.shared_points import factors_of
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
@@ -161,16 +162,7 @@ def stability_borders(cube: xr.Dataset, settings: StabilitySettings) -> xr.Datas
 
 def _runs(cube: xr.Dataset, settings: StabilitySettings) -> _Runs:
     """Read a cube as a table of runs."""
-    dims = [str(dim) for dim in cube["outcome"].dims]
-    names = (
-        dims
-        if dims != ["point"]
-        else [
-            str(name)
-            for name in cube.coords
-            if cube[name].dims == ("point",) and str(name) not in ("point", "varied") and not str(name).endswith("_row")
-        ]
-    )
+    names = factors_of(cube)
     numerics = [name for name in _NUMERICS if name in names]
     if "method" not in names or len(numerics) != 1:
         raise InputError("stability needs the factors method and either step_s or relative_tolerance")

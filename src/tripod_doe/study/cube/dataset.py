@@ -59,6 +59,9 @@ RECORD_ROLE = "record of the run"
 RESPONSE_ROLE = "result of its own"
 """Attribute ``role`` of outputs that reports show beside the main ones (`Output.response`)."""
 
+ROW_OF_PART = "row of the sub-design"
+"""Meaning of the coordinates that number the rows of a part of a product."""
+
 PHASES = "phases"
 """Attribute of a result: which of its outputs are angles on a circle."""
 RESPONSES = "responses"
@@ -379,7 +382,7 @@ def _coordinates(study: Study, points: Points, labels: Mapping[str, NDArray[Any]
     if not points.is_grid:
         coordinates["point"] = xr.Variable(("point",), np.arange(points.count, dtype=np.int32), POINT_ATTRIBUTES)
     for name, column in points.labels.items():
-        meaning = _LABELS.get(name, "row of the sub-design")
+        meaning = _LABELS.get(name, ROW_OF_PART)
         coordinates[name] = xr.Variable(("point",), _cf_type(column), {"long_name": meaning})
     for name, values in labels.items():
         coordinates[name] = xr.Variable((name,), _cf_type(values), study.simulator.dimension_attributes(name))

@@ -27,7 +27,16 @@ from tripod_doe.study.cube.slabs import box, slabs
 from tripod_doe.study.expressions import MOST_VALUES, Expression
 from tripod_doe.study.memory import refuse_too_much_memory
 from tripod_doe.study.named_arrays import NamedArray
-from tripod_doe.study.query.selection import Chosen, Selection, labels_text, refuse_unmatched, selections, taken
+from tripod_doe.study.query.selection import (
+    Chosen,
+    Selection,
+    labels_text,
+    nearest_rows,
+    refuse_unmatched,
+    selections,
+    sole_number,
+    taken,
+)
 from tripod_doe.study.result_directory.open_cube import opened_cube
 
 _SLAB_CELLS = 4_000_000  # cells of a variable that are read together
@@ -289,6 +298,7 @@ def _choose(
     shown = {name: cube.variables[name] for name in names}
     coordinates = {str(name): labels.variable for name, labels in cube.coords.items() if set(labels.dims) <= dims}
     rows: dict[Any, IntArray] = {}
+    near: dict[Any, list[tuple[xr.Variable, float]]] = {}  # numbers of which one point is to have the nearest ones
     for selection in selections(select):
         if selection.name not in coordinates:
             known = near_match(selection.name, coordinates)
@@ -297,8 +307,12 @@ def _choose(
         if len(labels.dims) != 1:
             raise InputError(f"{option('select', selection.name)}: it has only one value, so it cannot be selected")
         dim = labels.dims[0]
+        if nearest and (number := sole_number(labels, selection)) is not None:
+            near.setdefault(dim, []).append((labels, number))
+            continue
         rows[dim] = taken(labels, rows.get(dim), selection, nearest)
         refuse_unmatched(labels, selection, nearest)
+    rows |= {dim: nearest_rows(asked, rows.get(dim)) for dim, asked in near.items()}
     return _Choice(cube, variable, shown, coordinates, rows)
 
 

@@ -100,6 +100,12 @@ def _number(given: Any) -> float:
     return float(given)
 
 
+def sole_number(labels: xr.Variable, selection: Selection) -> float | None:
+    """The one number that is asked for of numeric labels, if it is one."""
+    one = selection.values[0] if len(selection.values) == 1 and labels.dtype.kind in "fiu" else None
+    return None if isinstance(one, bool | str) else one
+
+
 def taken(labels: xr.Variable, left: IntArray | None, selection: Selection, nearest: bool) -> IntArray:
     """Positions of the labels that meet a selection.
 
@@ -116,6 +122,23 @@ def taken(labels: xr.Variable, left: IntArray | None, selection: Selection, near
         nearest_ones = tuple(_nearest(wanted, values) for wanted in selection.values)
         selection = replace(selection, values=selection.values + nearest_ones)
     return own[_matching(values, selection)]
+
+
+def nearest_rows(asked: Sequence[tuple[xr.Variable, float]], left: IntArray | None) -> IntArray:
+    """Positions of the point nearest to numbers along one dimension, and of those with the same labels.
+
+    Args:
+        asked: Labels, and the number asked for; differences count as parts of the range of the labels.
+        left: Positions to search; None for all.
+    """
+    own = np.arange(asked[0][0].size) if left is None else left
+    values = np.array([labels.values[own].astype(float) for labels, _ in asked])
+    apart = np.array([np.abs(one - number) for one, (_, number) in zip(values, asked, strict=True)])
+    if not (known := np.isfinite(apart).all(axis=0)).any():
+        return own[:0]
+    ranges = np.array([[np.nanmax(labels.values) - np.nanmin(labels.values) or 1] for labels, _ in asked])
+    nearest = np.where(known, np.hypot.reduce(apart / ranges), np.inf).argmin()
+    return own[np.isclose(values, values[:, [nearest]], rtol=MATCH, atol=0).all(axis=0)]
 
 
 def refuse_unmatched(labels: xr.Variable, selection: Selection, nearest: bool) -> None:

@@ -1,4 +1,4 @@
-// Measurements laid over points of a study: a preview of the first file, an overview of all, one of them in full.
+// Measurements laid over points of a study: a preview of the first file, an overview, one of them in full.
 
 import { root } from "./address.js";
 import { post, textOf } from "./asking.js";
@@ -6,7 +6,7 @@ import { settings, themed, themedData, whenThemeChanges } from "./theme.js";
 
 const form = document.getElementById("controls"), at = (id) => document.getElementById(id);
 const meanings = { thrust_n: "Force", rotation_deg: "Rotation angle", time_s: "Time", tacho: "Tachometer" };
-let figures = null, answers = [], guessed = {};
+let figures = null, answers = [], guessed = {}, turn = 0;  // of the fields: an answer to what they said before is dropped
 
 function draw() {
   if (!figures) return;
@@ -36,6 +36,7 @@ function table(heads, rows) {
 
 function clear() {  // results stand beside nothing else than what they are of
   figures = null;
+  turn += 1;
   for (const id of ["waveform", "orders"]) Plotly.purge(at(id));
   for (const id of ["overview", "findings", "table-of-orders"]) at(id).replaceChildren();
 }
@@ -97,23 +98,27 @@ function overview() {
 }
 
 at("table")?.addEventListener("change", preview);
+form?.addEventListener("input", clear);
 form?.addEventListener("submit", async (event) => {
   event.preventDefault();
   const button = form.querySelector("[type=submit]"), files = [...at("table").files];
   at("complaint").textContent = "";
   clear();
+  const asked = turn;
   button.disabled = true;
   answers = [];
   for (const file of files) {
     try {
       const answer = await (await post(`${root}/parts/runs/${at("run").value}/compare`, request(await textOf(file)))).json();
+      if (turn !== asked) break;
       answers.push({ name: file.name, answer });
       if (answers.filter((one) => one.answer).length === 1) show(answer);
     } catch (error) {
+      if (turn !== asked) break;
       answers.push({ name: file.name, trouble: error.message });
       at("complaint").textContent = files.length > 1 ? `${file.name}: ${error.message}` : error.message;
     }
-    if (files.length > 1) overview();
+    overview();
   }
   button.disabled = false;
 });

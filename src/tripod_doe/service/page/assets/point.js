@@ -59,8 +59,10 @@ function takeAgain(place) {
   const form = place.querySelector("#again");
   if (!form) return;
   const status = form.querySelector(".status"), button = form.querySelector("[type=submit]");
-  let waiting = null, pricing = null;
+  let waiting = null, pricing = null, turn = 0;
   form.addEventListener("input", () => {
+    turn += 1;
+    if (Object.keys(again).length) lay(place, {});  // curves stand beside the values that they are of
     clearTimeout(waiting);
     waiting = setTimeout(async () => {
       pricing?.abort();
@@ -78,11 +80,14 @@ function takeAgain(place) {
     pricing?.abort();
     button.disabled = true;
     status.textContent = "Simulating \u2026";
+    const submitted = turn;
     try {
       const answer = await (await post(`${root}/parts/simulate`, asked(form))).json();
+      if (turn !== submitted) return;
       status.textContent = answer.text;
       lay(place, answer.figures);
     } catch (error) {
+      if (turn !== submitted) return;
       status.textContent = error.message;
       lay(place, {});
     } finally {
