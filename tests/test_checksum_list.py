@@ -77,7 +77,7 @@ def test_check_names_changed_and_missing_files_and_lines(tmp_path, capsys):
     assert main(["check", str(tmp_path), "--format", "json"]) == 3
     checked = {entry["file"].rpartition("/")[2]: entry for entry in json.loads(capsys.readouterr().out)}
     assert "damaged or edited" in checked["a.html"]["damage"]
-    assert "missing" in checked["b.toml"]["note"]
+    assert "but not here" in checked["b.toml"]["damage"]
     assert not checked["c.json"]["damage"]
     assert "1 of its lines are damaged" in checked[LIST]["damage"]
     write_listed(tmp_path / "a.html", "text 7")  # what is damaged does not stay in the list

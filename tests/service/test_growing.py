@@ -11,7 +11,7 @@ from service_client import COAST
 
 from tripod_doe.cli.main import main
 from tripod_doe.service.limits import Limits
-from tripod_doe.service.runs.found_directories import _is_another_study
+from tripod_doe.service.runs.run_end import is_another_study
 from tripod_doe.study.journal import Journal
 from tripod_doe.study.result_directory.derived_responses import DERIVED
 
@@ -63,9 +63,9 @@ def test_a_variable_by_formula_is_kept_while_a_run_grows(api, grown):
     assert (done["state"], done["points"]["total"]) == ("finished", 12)
     folder = api.client.app.state.service.runs.directory(grown)
     assert (folder / "study.toml").read_text() != (folder / "upload" / "study.toml").read_text()
-    assert not _is_another_study(folder)  # regression: any later write made it a run of the command line
+    assert not is_another_study(folder)  # regression: any later write made it a run of the command line
     (folder / "upload" / "study.toml").write_text(larger().replace("-35", "-36"))
-    assert _is_another_study(folder)
+    assert is_another_study(folder)
     (folder / "upload" / "study.toml").write_text(larger())
     records = api.get(f"/runs/{grown}/query", params={"variable": "spread", "where": "spread > 0"}).json()
     assert {record["joint_angle_deg"] for record in records} == {2.5, 9, 17}
