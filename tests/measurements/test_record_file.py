@@ -58,6 +58,14 @@ def read(tmp_path):
         "Angle de rotation;Effort axial;Température\n°;daN;°C\n0,5;0,125;40\n1,5;-0,2;40\n",
         "Angolo di rotazione [°]\tForza assiale [N]\tVelocità [giri/min]\n0.5\t1.25\t600\n1.5\t-2\t600\n",
         "Ángulo de giro [°];Fuerza axial [N];Velocidad de giro [rpm]\n0,5;1,25;600\n1,5;-2;600\n",
+        "Ângulo de rotação (°);Força axial (N)\n0,5;1,25\n1,5;-2\n",
+        "RotationAngle_deg,AxialForce_kN,AxialForceSetpoint_kN\n0.5,0.00125,1\n1.5,-0.002,1\n",
+        '"Format","MoTeC CSV File",,"Workbook"\n"Rate","1000","Hz"\n\n\n"Shaft Angle","Axial Force"\n"deg","N"\n\n\n'
+        '"0.5","1.25"\n"1.5","-2"\n',
+        "Linear\tReal\nRotation\tAxial Force:+X\ndeg\tN\n0.5\t1.25\n1.5\t-2\n",
+        "MTS793|BTW|ENU|1|2|/|:|1|0|0|A\n\nData Header:\tTime:\t12.5\tSec\n\nAngular Position\tAxial Force\n deg\tkN\n"
+        "0.5\t0.00125\n1.5\t-0.002\n",
+        '"","rotation.angle","axial.force"\n"1",0.5,1.25\n"2",1.5,-2\n',
     ],
 )
 def test_one_table_in_many_forms(read, text):
@@ -384,6 +392,14 @@ def test_the_option_of_a_message_can_be_typed(read):
     words = shlex.split(str(refused.value).partition("; --column ")[2].replace("UNIT", "kN"))
     role, _, named = words[0].partition("=")
     assert read(f"{heading},rotation_deg\n1.25,0.5\n-2,1.5\n", {role: named}).columns["thrust_n"][0] == 1250
+
+
+@pytest.mark.parametrize("heading", ["Axial force RMS [N]", "Axial force setpoint [N]", "Max axial force (N)"])
+def test_a_column_that_is_no_signal_is_not_taken_for_it(read, heading):
+    """Regression: the setpoint was the thrust where the sensor had another name."""
+    record = read(f"{heading},rotation_deg,CH3\n120,0.5,1.25\n120,1.5,-2\n")
+    assert set(record.columns) == {"rotation_deg"}
+    assert read(f"{heading},rotation_deg\n120,0.5\n", {"thrust_n": heading}).columns["thrust_n"].tolist() == [120]
 
 
 def test_long_headings_and_long_beginnings_take_no_long_time(read):

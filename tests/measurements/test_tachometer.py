@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from measured import Recorder
@@ -49,6 +51,21 @@ def test_rounded_times_that_repeat_are_those_of_even_samples(tmp_path):
     table.to_csv(tmp_path / "uneven.csv", index=False)
     with pytest.raises(InputError, match="time_s must grow from row to row"):
         read_measurement(tmp_path / "uneven.csv", 1)
+
+
+@pytest.mark.parametrize(
+    ("start", "factor", "message"),
+    [(1.71e12, 1e3, "later than 2096"), (45_361.427, 1 / 86_400, "turns at 5.18e+07 rpm by its times")],
+)
+def test_times_in_milliseconds_since_1970_or_in_days_are_not_seconds(tmp_path, start, factor, message):
+    """Regression: the record turned at 0.6 or at 52 million rpm, and was compared."""
+    time_s = np.arange(0, 1, 1e-3)
+    rows = [f"{start + factor * t:.12f},{np.sin(60 * np.pi * t):.6f},{3600 * t % 360:.3f}" for t in time_s]
+    (tmp_path / "record.csv").write_text("\n".join(["timestamp,thrust_n,rotation_deg", *rows]))
+    with pytest.raises(InputError, match=re.escape(message)):
+        read_measurement(tmp_path / "record.csv")
+    unit = {"time_s": f"timestamp [{'ms' if factor > 1 else 'days'}]"}
+    assert np.ptp(read_measurement(tmp_path / "record.csv", columns=unit).time_s) == pytest.approx(0.999, rel=1e-3)
 
 
 def test_spikes_between_pulses_are_dropped_and_missing_pulses_counted():

@@ -35,7 +35,7 @@ _ANGLE = {
 }  # fmt: skip
 _TIME = {"s": 1.0, "sec": 1.0, "sek": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
          "msec": 1e-3, "milliseconds": 1e-3, "usec": 1e-6, "microseconds": 1e-6,
-         "min": 60.0, "minutes": 60.0, "h": 3600.0, "hours": 3600.0,
+         "min": 60.0, "minutes": 60.0, "h": 3600.0, "hours": 3600.0, "days": 86_400.0,
          "hh:mm:ss": 1.0, "hh:mm": 1.0, "h:m:s": 1.0}  # fmt: skip
 _MOMENT = {
     "nm": 1.0, "n-m": 1.0, "knm": 1e3, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2,
@@ -50,20 +50,23 @@ _SPEED = {
 ROLES = {
     "thrust_n": Role(
         ("thrust", "axial force", "axial thrust", "axialkraft", "axialkraefte", "schubkraft", "kraft axial",
-         "force axiale", "effort axial", "fuerza axial", "forza assiale", "gaf", "generated axial force"),
+         "force axiale", "effort axial", "fuerza axial", "forza assiale", "forca axial", "gaf",
+         "generated axial force"),
         ("force", "kraft", "fax", "f ax", "f axial", "effort", "fuerza", "forza", "load cell", "kraftmessdose",
          "kraftaufnehmer", "capteur de force", "celda de carga", "cella di carico"),
         _FORCE,
     ),
     "rotation_deg": Role(
         ("rotation angle", "angle of rotation", "shaft angle", "drehwinkel", "wellenwinkel", "rotationswinkel",
-         "angle de rotation", "angulo de giro", "angulo de rotacion", "angolo di rotazione", "encoder angle",
-         "angular position"),
+         "angle de rotation", "angulo de giro", "angulo de rotacion", "angulo de rotacao", "angolo di rotazione",
+         "encoder angle", "angular position"),
         ("rotation", "angle", "phi", "winkel", "encoder", "angulo", "angolo"),
         _ANGLE,
     ),
     "time_s": Role(
-        ("time", "zeit", "messzeit", "temps", "tiempo", "tempo"), ("t", "timestamp", "time stamp", "x time"), _TIME
+        ("time", "zeit", "messzeit", "temps", "tiempo", "tempo"),
+        ("t", "timestamp", "timestamps", "time stamp", "x time"),
+        _TIME,
     ),
     "tacho": Role(
         ("tacho", "tachometer", "tach", "keyphasor", "drehzahlimpuls", "drehzahlpuls", "impulse", "trigger",
@@ -105,12 +108,21 @@ _OPENING = {"]": "[", ">": "<", ")": "("}
 _PIECES, _LONGEST_UNIT = 4, 15  # of a unit within a heading: pieces, as in hh:mm:ss, and characters
 _SCALED = re.compile(r"(?:[/*×·]|\bx)\s*10+\b|\b10\s*\^")
 """A factor beside a unit, as in ``Force [N] / 1000``."""
+_EXTREMES = re.compile(r"\b(?:rms|effektivwert|max|maximum|peak|spitze|limit|grenzwert)\b")
+_WANTED = re.compile(r"\b(?:set ?point|soll|sollwert|command|demand)\b")
+"""Words of a heading whose values are no samples of the signal, or only what the rig was to do."""
 _APART = re.compile(r"\s+in\s+|[\s/,;:_\[\](){}<>|=-]+")
 
 
 def plain_words(text: str) -> str:
-    """A name without case, accents and signs between its words."""
-    text = text.casefold().replace("ä", "ae").replace("ö", "oe").replace("ü", "ue")
+    """A name without case, accents and signs between its words; ``AxialForce`` has two."""
+    text = (
+        re.sub(r"(?<=[a-zäöü]{2})(?=[A-ZÄÖÜ])", " ", text)
+        .casefold()
+        .replace("ä", "ae")
+        .replace("ö", "oe")
+        .replace("ü", "ue")
+    )
     text = "".join(sign for sign in unicodedata.normalize("NFD", text) if not unicodedata.combining(sign))
     return " ".join(re.findall(r"[^\W_]+", text))
 
@@ -225,6 +237,8 @@ def _rank(role: str, heading: str) -> tuple[int, int] | None:
             return _TELLING, 0
         if name in ROLES[role].plain:
             return _PLAIN, 0
+    if _EXTREMES.search(name) or (role not in OPERATING and _WANTED.search(name)):
+        return None
     within = [len(phrase) for phrase in ROLES[role].telling if _holds(name, phrase)]
     return (_WITHIN, -max(within)) if within else None
 

@@ -21,6 +21,7 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, closest, option
+from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.operating_point import differ, from_columns, from_name, from_notes
 from tripod_doe.measurements.record_file import Record, read_record
 from tripod_doe.measurements.tachometer import angle_between_pulses, find_pulses, infer_pulses
@@ -29,6 +30,7 @@ from tripod_doe.regular_files import read_regular
 
 _MOST_LOST = 0.2  # part of the samples; a record with more dropouts is refused
 _LARGEST_THRUST = 1e9  # N: a wrong column or unit; squares of larger numbers overflow in fits
+_LATEST = 4e9  # s since 1970, in 2096: a larger time is in another unit
 _ZERO = 0.2  # degrees or N m: the zero of a sensor may be off by as much
 _ENDS = 0.15  # part of the range at each end, near which the samples of a pulse train lie
 _PULSED = 0.9  # part of the samples that must lie there
@@ -165,13 +167,32 @@ def _from_record(record: Record, pulses: int | None, speed_rpm: float | None) ->
             remarks.append(f"Times of the record repeat, as they are rounded: taken as sampled at {rate:,.4g} Hz.")
             kept["time_s"] = even
         _check_growing("time_s", kept["time_s"], rows, strictly=True)
+        if kept["time_s"].max(initial=0.0) > _LATEST:
+            raise InputError(
+                f"time_s reaches {kept['time_s'].max():.4g} s, later than 2096 where it counts from 1970: "
+                f"{option('column', 'time_s=HEADING [UNIT]')} gives its unit, such as ms, us or ns"
+            )
     if over_angle:
         rotation = _unwrapped(kept["rotation_deg"])
         _check_growing("rotation_deg", rotation, rows, strictly=False)
         read = Measurement(rotation, kept["thrust_n"], kept.get("time_s"), "the zero of rotation_deg", lost)
     else:
         read = rotation_from_tachometer(kept["time_s"], kept["tacho"], kept["thrust_n"], pulses, lost, speed_rpm)
+    _refuse_fast(read)
     return replace(read, remarks=(*remarks, *read.remarks))
+
+
+def _refuse_fast(read: Measurement) -> None:
+    """Refuse a record that turns faster than any joint, as where its times are in days."""
+    if read.time_s is None or read.time_s.size < 2:
+        return
+    speed = float(np.ptp(read.rotation_deg) / np.ptp(read.time_s) / 6)
+    if speed > JOINT_PARAMETERS["speed_rpm"].high:
+        raise InputError(
+            f"the record turns at {speed:.3g} rpm by its times, at most {JOINT_PARAMETERS['speed_rpm'].high:g} rpm are "
+            f"read: {option('column', 'time_s=HEADING [UNIT]')} gives the unit of the times, "
+            f"{option('pulses_per_revolution')} the pulses of the tachometer"
+        )
 
 
 def _evenly_sampled(time_s: FloatArray, rows: IntArray) -> FloatArray | None:
