@@ -8,6 +8,7 @@ import csv
 import io
 import re
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 
 from tripod_doe.checksum_list import refuse_changed
@@ -82,16 +83,28 @@ def _with_points(header: list[str], rows: dict[int, list[str]], where: str) -> d
     clear = {field for field, values in read.items() if len(values) == 1}
     commas = any(re.fullmatch(r"[^,]*,[^.,]*", field) for field in clear)
     points = any("." in field and number_or_text(field) == read[field][0] for field in clear)
+    signs = "," * (commas and not points) + "." * (points and not commas)
     for name, *column in zip(header, *rows.values(), strict=True):
-        whole = any(re.fullmatch(r"[+-]?[0-9]+", field) for field in column)
-        known = {",": commas and not points, ".": not commas and (points or not whole)}
-        unclear = [
-            f for f in column if len(read.get(f, ())) > 1 and not any(known[sign] for sign in known if sign in f)
-        ]
-        if unclear and all(readings(field) for field in column if field):  # else words
-            small, large = read[unclear[0]]
-            line = list(rows)[column.index(unclear[0])]
-            way = f"write {large:.0f}, or {unclear[0]}0 for {small:g}"
-            raise InputError(f"{where}: line {line}: {name} = {unclear[0]}: may mean {small:g} or {large:.0f}; {way}")
-    meant = {f: repr(read[f][0]) for f in read if "," in f and (f in clear or (read[f] and commas and not points))}
+        unclear = _unclear(column, read, signs, shown=commas or points)
+        if unclear:
+            small, large = read[unclear]
+            way = f"write {large:.0f}, or {unclear}0 for {small:g}"
+            at = f"{where}: line {list(rows)[column.index(unclear)]}: {name} = {unclear}"
+            raise InputError(f"{at}: may mean {small:g} or {large:.0f}; {way}")
+    meant = {f: repr(read[f][0]) for f in read if "," in f and (f in clear or (read[f] and signs == ","))}
     return {line: [meant.get(field, field) for field in row] for line, row in rows.items()}
+
+
+def _unclear(column: list[str], read: Mapping[str, list[float]], signs: str, shown: bool) -> str:
+    """The first number of a column that may have a decimal sign or one between thousands; empty if none, or for words.
+
+    Args:
+        read: What each field with a sign may mean.
+        signs: The decimal sign that the other numbers of the table show; empty if they show none, or both.
+        shown: Whether they show any.
+    """
+    if not all(readings(field) for field in column if field):
+        return ""
+    whole = any(re.fullmatch(r"[+-]?[0-9]+", field) for field in column)
+    known = signs if shown else "." * (not whole)
+    return next((f for f in column if len(read.get(f, ())) > 1 and not any(sign in f for sign in known)), "")

@@ -1,9 +1,10 @@
 """Contributions of the mechanisms by every definition, as tables and sentences beside the paper's."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import compress
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -161,59 +162,70 @@ def contributions(analyses: Mapping[str, xr.Dataset]) -> list[Contribution]:
 
 
 def _contribution(name: str, result: xr.Dataset, order: int | None) -> Contribution:
-    output, dims = str(result.attrs.get("outputs", "")), str(result.attrs.get("operating_dims", "")).split()
-    points = result.stack(at=dims, create_index=False) if dims else result.expand_dims("at")
-    points = points if order is None else points.sel(order=order)
-    what = output if order is None else f"the {ORDINALS[order]}"
-    for dim in points["share_off"].dims:
-        if dim not in ("at", "mechanism"):  # the first groove stands for all
-            what += f" ({dim} {points[dim].values[0]})" if dim in points.coords else f" ({dim} 1)"
-            points = points.isel({dim: 0})
+    points, what = _operating_points(result, order)
     factors = [str(c) for c in points.coords if points[c].dims == ("at",) and "source" in points[c].attrs]
     mechanisms = [str(each) for each in points["mechanism"].values]
-    amplitude = points["amplitude"].values
-    of_paper = order == 3 and output.startswith("thrust_") and set(mechanisms) == set(MECHANISMS)
+    amplitude, unit = points["amplitude"].values, unit_text(str(points["amplitude"].attrs.get("units", "1")))
     zero = (points["share_off_flag"] == _ZERO).all("mechanism").values
-    like_paper = np.full(points.sizes["at"], result.attrs.get("unlike_paper") == "{}")
+    like_paper = np.full(amplitude.size, result.attrs.get("unlike_paper") == "{}")
     for factor in set(factors) & set(PAPER_POINT):
         like_paper &= points[factor].values == PAPER_POINT[factor]
+    thrust = str(result.attrs.get("outputs", "")).startswith("thrust_")
+    of_paper = order == 3 and thrust and set(mechanisms) == set(MECHANISMS) and like_paper.any()
     rest = 100 - sum(PAPER_SHARES.values())
-    nothing = np.full(points.sizes["at"], np.nan)
 
-    def bounds(end: str) -> FloatArray:
-        return np.asarray(points[f"share_shapley_{end}"].transpose("at", "mechanism").values)
+    def by_point(keys: Iterable[str]) -> dict[str, FloatArray]:
+        return {key: points[key].transpose("at", "mechanism").values for key in keys if key in points}
 
+    bounds = by_point(["share_shapley_low", "share_shapley_high"])
     return Contribution(
         analysis=name,
         key=name if order is None else f"{name}-order-{order}",
         what=what,
         model=str(result.attrs.get("model", "")),
         mechanisms=mechanisms,
-        points=pd.DataFrame({factor: points[factor].values for factor in factors}, index=range(points.sizes["at"])),
+        points=pd.DataFrame({factor: points[factor].values for factor in factors}, index=range(amplitude.size)),
         units={factor: factor_unit(points, factor) for factor in factors},
         labels=_labels(points, factors),
-        shares={key: points[key].transpose("at", "mechanism").values for key in DEFINITIONS if key in points},
-        changes={key: points[key].transpose("at", "mechanism").values for key in CHANGES if key in points},
+        shares=by_point(DEFINITIONS),
+        changes=by_point(CHANGES),
         closure=points["closure"].values,
         none=points["share_none"].values,
-        interaction=points["strongest_interaction"].values if "interaction" in points else nothing,
-        pairs=[str(pair) for pair in points["strongest_pair"].values] if "interaction" in points else [],
-        amplitudes=[
-            _amplitude(each[None], unit_text(str(points["amplitude"].attrs.get("units", "1")))) for each in amplitude
-        ],
-        amplitude=_amplitude(amplitude, unit_text(str(points["amplitude"].attrs.get("units", "1")))),
+        **_interactions(points),
+        amplitudes=[_amplitude(each[None], unit) for each in amplitude],
+        amplitude=_amplitude(amplitude, unit),
         zero=zero,
         uncertain=~zero & (_error(points) > _UNSURE * amplitude),
-        paper=np.array([PAPER_SHARES.get(each, rest) for each in mechanisms])
-        if of_paper and like_paper.any()
-        else None,
+        paper=np.array([PAPER_SHARES.get(each, rest) for each in mechanisms]) if of_paper else None,
         like_paper=like_paper,
         missing=_why_missing(points, zero),
-        lost=[str(text) for text in points["missing_combinations"].values]
-        if "missing_combinations" in points
-        else [""] * points.sizes["at"],
-        shapley_bounds=(bounds("low"), bounds("high")) if "share_shapley_low" in points else None,
+        lost=_texts(points, "missing_combinations") or [""] * amplitude.size,
+        shapley_bounds=(bounds["share_shapley_low"], bounds["share_shapley_high"]) if bounds else None,
     )
+
+
+def _operating_points(result: xr.Dataset, order: int | None) -> tuple[xr.Dataset, str]:
+    """The results of an order along a single dimension ``at`` of operating points, and what they are of."""
+    dims = str(result.attrs.get("operating_dims", "")).split()
+    points = result.stack(at=dims, create_index=False) if dims else result.expand_dims("at")
+    points = points if order is None else points.sel(order=order)
+    what = str(result.attrs.get("outputs", "")) if order is None else f"the {ORDINALS[order]}"
+    for dim in points["share_off"].dims:
+        if dim not in ("at", "mechanism"):  # the first groove stands for all
+            what += f" ({dim} {points[dim].values[0]})" if dim in points.coords else f" ({dim} 1)"
+            points = points.isel({dim: 0})
+    return points, what
+
+
+def _interactions(points: xr.Dataset) -> dict[str, Any]:
+    """The strongest interaction of each operating point and its pair; NaN and no pairs where it is not known."""
+    if "interaction" not in points:
+        return {"interaction": np.full(points.sizes["at"], np.nan), "pairs": []}
+    return {"interaction": points["strongest_interaction"].values, "pairs": _texts(points, "strongest_pair")}
+
+
+def _texts(points: xr.Dataset, name: str) -> list[str]:
+    return [str(text) for text in points[name].values] if name in points else []
 
 
 def _error(points: xr.Dataset) -> FloatArray:

@@ -105,32 +105,42 @@ def run_joint(
     else:
         motion = _follow_given(assembly, values, method, samples)
     result = motion.result
-    done = JointRun(result.outcome, result.detail, followed=result.followed)
-    if motion.sampled:
-        readings = _read(assembly, motion, values, wanted)
-        if wanted.rates:
-            readings = replace(readings, rates=_rates(result, values, samples))
-        thrust = readings.groove_thrust.sum(1)
-        growth = vibration.growth if vibration else _DIES_OUT
-        small = growth.factor, growth.rate, vibration.hertz if vibration else 0.0
-        readings = replace(readings, vibration=VibrationReadings(*small, unrest(thrust[-1])))
-        outcome, detail = judge(result, thrust, motion.missed, values)
-        if outcome == Outcome.FINISHED and vibrating:
-            third = None if needles else float(abs(complex_amplitudes(thrust).mean(0)[3]))
-            outcome, detail = vibrating.verdict(third, ERROR_LIMIT)
-        elif (
-            outcome == Outcome.INACCURATE
-            and settles
-            and method == _DAMPS
-            and not needles
-            and _may_be_kicked(motion, vibrating)
-        ):
-            third = float(abs(complex_amplitudes(thrust).mean(0)[3]))
-            kicked = vibrating or _vibrating(values, Vibration(_DIES_OUT, third, unrest=0.0), wanted, accuracy)
-            answer = kicked.answer(needles, anyhow=True)
-            if answer and answer.outcome == Outcome.FINISHED:
-                return _with_last(answer, kicked.last_revolution, values, wanted)
-        done = JointRun(outcome, detail, readings, followed=float(result.times[-1]))
+    if not motion.sampled:
+        done = JointRun(result.outcome, result.detail, followed=result.followed)
+        return _counted(done, motion, settles)
+    done = _judged(assembly, motion, values, wanted, vibration)
+    if done.outcome == Outcome.FINISHED and vibrating:
+        outcome, detail = vibrating.verdict(None if needles else _third(done), ERROR_LIMIT)
+        done = replace(done, outcome=outcome, detail=detail)
+    elif done.outcome == Outcome.INACCURATE and settles and method == _DAMPS and not needles:
+        kicked = _kicked(done, motion, vibrating, values, wanted, accuracy)
+        return kicked or _counted(done, motion, settles)
+    return _counted(done, motion, settles)
+
+
+def _judged(
+    assembly: Assembly, motion: Motion, values: JointValues[float], wanted: Wanted, vibration: Vibration | None
+) -> JointRun:
+    """What a motion that was sampled says of its joint, and how it ended."""
+    result, readings = motion.result, _read(assembly, motion, values, wanted)
+    if wanted.rates:
+        readings = replace(readings, rates=_rates(result, values, wanted.samples))
+    thrust = readings.groove_thrust.sum(1)
+    growth = vibration.growth if vibration else _DIES_OUT
+    small = growth.factor, growth.rate, vibration.hertz if vibration else 0.0
+    readings = replace(readings, vibration=VibrationReadings(*small, unrest(thrust[-1])))
+    outcome, detail = judge(result, thrust, motion.missed, values)
+    return JointRun(outcome, detail, readings, followed=float(result.times[-1]))
+
+
+def _third(done: JointRun) -> float:
+    """Amplitude of the third order of the thrust force in N, of a run with readings."""
+    assert done.readings is not None
+    return float(abs(complex_amplitudes(done.readings.groove_thrust.sum(1)).mean(0)[3]))
+
+
+def _counted(done: JointRun, motion: Motion, settles: bool) -> JointRun:
+    """A run with the setting and the work of its motion."""
     return replace(
         done,
         setting=motion.setting,
@@ -141,9 +151,25 @@ def run_joint(
     )
 
 
-def _may_be_kicked(motion: Motion, vibrating: VibratingJoint | None) -> bool:
-    """Whether the start may have excited a vibration: the motion misses its accuracy and is not periodic."""
-    return not motion.swings and bool(vibrating or not motion.missed or not motion.repeats)
+def _kicked(
+    done: JointRun,
+    motion: Motion,
+    vibrating: VibratingJoint | None,
+    values: JointValues[float],
+    wanted: Wanted,
+    accuracy: OrderAccuracy,
+) -> JointRun | None:
+    """A finished run in place of an inaccurate one of `rollers` whose start may have excited a vibration.
+
+    None if there is none: the motion swings, or it misses its accuracy although it repeats and its departures die out.
+    """
+    if motion.swings or not (vibrating or not motion.missed or not motion.repeats):
+        return None
+    kicked = vibrating or _vibrating(values, Vibration(_DIES_OUT, _third(done), unrest=0.0), wanted, accuracy)
+    answer = kicked.answer(needles=False, anyhow=True)
+    if answer is None or answer.outcome != Outcome.FINISHED:
+        return None
+    return _with_last(answer, kicked.last_revolution, values, wanted)
 
 
 def _vibrating(

@@ -182,23 +182,19 @@ def _with_kind(view: View, axes: dict[str, Axis]) -> View:
     listed = "point" in axes
     if view.kind in ("parallel", "matrix") and design:
         return replace(view, x="", by="")
-    kind = view.kind or (
-        "points"
-        if listed and view.x not in [axis.name for axis in own]
-        else _usual_figure([axis for axis in own if axis.of_design or _rank(axis) == 0] or own)
-    )
+    of_points = listed and view.x not in [axis.name for axis in own]
+    kind = view.kind or ("points" if of_points else _usual_figure(own))
     if (kind in OF_POINTS and not design) or (kind == "map" and len(own) < 2):
         kind = "lines"
     kind = "points" if kind == "lines" and not own else kind
-    below = sorted(design if kind == "points" else own, key=_rank)
-    first = next((axis.name for axis in below if axis.name != view.by), below[0].name)
-    x = view.x if view.x in [axis.name for axis in below] else first
+    below = [axis.name for axis in sorted(design if kind == "points" else own, key=_rank)]
+    x = view.x if view.x in below else next((name for name in below if name != view.by), below[0])
     if kind == "points":
         return replace(view, kind=kind, x=x)
-    others = [axis.name for axis in below if axis.name != x] + ["point"] * (listed and kind == "lines")
-    chosen = kind == "lines" and bool(view.x)  # then an empty `by` is a choice, too
-    by = view.by if view.by in others else "" if chosen or not others else others[-1] if listed else others[0]
-    return replace(view, kind=kind, x=x, by=by)
+    others = [name for name in below if name != x] + ["point"] * (listed and kind == "lines")
+    by = others[-1 if listed else 0] if others else ""
+    by = "" if kind == "lines" and view.x else by  # then an empty `by` is a choice, too
+    return replace(view, kind=kind, x=x, by=view.by if view.by in others else by)
 
 
 def _rank(axis: Axis) -> int:
@@ -207,7 +203,9 @@ def _rank(axis: Axis) -> int:
     return 0 if dense else 1 if axis.numeric else 2
 
 
-def _usual_figure(over: list[Axis]) -> str:
+def _usual_figure(own: list[Axis]) -> str:
+    """Lines or a map over the dimensions of a variable, by those of the design and dense ones if there are any."""
+    over = [axis for axis in own if axis.of_design or _rank(axis) == 0] or own
     if any(_rank(axis) == 0 for axis in over):
         return "lines"
     long = [axis for axis in over if axis.numeric and len(axis.texts) >= _MANY_LEVELS]

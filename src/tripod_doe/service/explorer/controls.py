@@ -24,34 +24,38 @@ def controls(cube: xr.Dataset, view: View) -> dict[str, Any]:
     axes = variable_axes(cube, view.variable)
     own = [axis for axis in axes if axis.name == axis.dim and axis.name != "point"]
     factors = [axis for axis in axes if axis.of_design and axis.name != "point"]
-    values = dict(text.split("=", 1) for text in view.select)
-    kinds = (["lines"] if own else []) + (["map"] if len(own) > 1 else []) + (list(OF_POINTS) if factors else [])
-    shown = {axis.dim for axis in axes if axis.name in (view.x, view.by)}
-    listed = view.kind in OF_POINTS or view.by == "point"
-    if view.kind in OF_POINTS:
-        shown |= set(design_of(cube))
-    beside = own + [axis for axis in axes if axis.name == "point"] if view.kind == "lines" else own
-    ranges = [axis for axis in factors if axis.numeric and listed]
+    points = [axis for axis in axes if axis.name == "point"]
+    offered = {"points": (factors, list(dict.fromkeys(factors + own))), "lines": (own, own + points)}
+    below, beside = offered.get(view.kind, (own, own))
     return {
-        "kinds": kinds,
-        "below": [asdict(axis) for axis in (factors if view.kind == "points" else own)] if view.x else [],
-        "beside": [asdict(axis) for axis in (dict.fromkeys(factors + own) if view.kind == "points" else beside)],
-        "still": [
-            (asdict(axis), values.get(axis.name, ""))
-            for axis in axes
-            if axis.name == axis.dim not in shown and not (listed and axis in ranges)
-        ],
-        "words": [
-            (asdict(axis) | {"texts": _words(cube, axis, values)}, values.get(axis.name, ""))
-            for axis in axes
-            if (listed and axis in factors and not axis.numeric and axis.dim in shown)
-            or (view.kind in OF_POINTS and axis.name == "point" in values)
-        ],
-        "levels": [
-            (asdict(axis), [text for text in axis.texts if text != values.get(axis.name)])
-            for axis in axes
-            if axis.of_design and axis.name == axis.dim not in shown and len(axis.texts) > 1 and not listed
-        ],
+        "kinds": ["lines"] * bool(own) + ["map"] * (len(own) > 1) + list(OF_POINTS) * bool(factors),
+        "below": [asdict(axis) for axis in below] if view.x else [],
+        "beside": [asdict(axis) for axis in beside],
+        **_selections(cube, view, axes),
+    }
+
+
+def _selections(cube: xr.Dataset, view: View, axes: list[Axis]) -> dict[str, Any]:
+    """The controls that select values: ``still``, ``words``, ``levels`` and ``ranges``, see `controls`."""
+    values = dict(text.split("=", 1) for text in view.select)
+    of_points = view.kind in OF_POINTS
+    listed = of_points or view.by == "point"
+    shown = {axis.dim for axis in axes if axis.name in (view.x, view.by)}
+    shown |= set(design_of(cube)) if of_points else set()
+    still = [axis for axis in axes if axis.name == axis.dim not in shown]
+    factors = [axis for axis in axes if axis.of_design and axis.name != "point"] if listed else []
+    ranges = [axis for axis in factors if axis.numeric]
+    words = [
+        axis
+        for axis in axes
+        if (axis in factors and not axis.numeric and axis.dim in shown)
+        or (of_points and axis.name == "point" in values)
+    ]
+    leveled = [axis for axis in still if axis.of_design and len(axis.texts) > 1 and not listed]
+    return {
+        "still": [(asdict(axis), values.get(axis.name, "")) for axis in still if axis not in ranges],
+        "words": [(asdict(axis) | {"texts": _words(cube, axis, values)}, values.get(axis.name, "")) for axis in words],
+        "levels": [(asdict(axis), [text for text in axis.texts if text != values.get(axis.name)]) for axis in leveled],
         "ranges": [(asdict(axis), *_ends(values.get(axis.name, ""))) for axis in ranges],
     }
 

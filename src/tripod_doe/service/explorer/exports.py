@@ -69,26 +69,34 @@ def study_of_view(cube: xr.Dataset, view: View, data: xr.Dataset) -> str:
     if not study or not names:
         return whole
     listed = "point" in shown(data).dims
-    varied = [name for name in names if name in data.coords and (listed or name in shown(data).dims)]
-    columns = {name: data[name].values.tolist() for name in varied}
+    columns = {
+        name: data[name].values.tolist()
+        for name in names
+        if name in data.coords and (listed or name in shown(data).dims)
+    }
     if any(len(column) > _MOST_ROWS or any(value != value for value in column) for column in columns.values()):
         return whole
-    fixed = {name: value for name, value in _pinned(cube, view, names).items() if name not in varied}
+    fixed = {name: value for name, value in _pinned(cube, view, names).items() if name not in columns}
     design: dict[str, Any] = {"kind": "zip" if listed else "grid"}
     if not listed and (constraints := study.get("design", {}).get("constraints")):  # may name any factor
         design["constraints"] = constraints
         columns, fixed = columns | {name: [value] for name, value in fixed.items()}, {}
-    head = {key: value for key, value in study["study"].items() if key in ("scene", "function")}
+    of_study, run = study["study"], study.get("run", {})
+    name, base = f"{of_study['name']}: {view.variable}", study.get("base", {})
     document: dict[str, Any] = {
-        "study": {"name": f"{study['study']['name']}: {view.variable}"} | head,
-        "base": {name: value for name, value in study.get("base", {}).items() if name not in columns} | fixed,
+        "study": {"name": name} | _with_keys(of_study, "scene", "function"),
+        "base": {name: value for name, value in base.items() if name not in columns} | fixed,
         "factors": {name: {"values": [_number(value) for value in column]} for name, column in columns.items()},
         "design": design if columns else {},
         **_kept(cube, view.variable, study),
         "accuracy": study.get("accuracy", {}),
-        "run": {key: study["run"][key] for key in ("retry", "expected_outcomes") if key in study.get("run", {})},
+        "run": _with_keys(run, "retry", "expected_outcomes"),
     }
     return toml_text({key: table for key, table in document.items() if table or key in ("base", "factors")})
+
+
+def _with_keys(table: dict[str, Any], *keys: str) -> dict[str, Any]:
+    return {key: table[key] for key in keys if key in table}
 
 
 def _kept(cube: xr.Dataset, variable: str, study: dict[str, dict[str, Any]]) -> dict[str, Any]:
