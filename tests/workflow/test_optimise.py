@@ -919,3 +919,30 @@ def test_a_change_of_sign_has_no_percentage(solve, tmp_path, capsys):
     assert main(["optimise", str(tmp_path / "file.toml"), "--out", str(tmp_path / "out"), "--workers", "0"]) == 0
     page = "".join(capsys.readouterr())
     assert re.search(r"At the start of the search, a is 2; the best is -[12]\.?\d*\.", page)
+
+
+def test_the_start_is_on_the_front_where_no_recomputed_candidate_is_better(solve):
+    """Exact: light and soft oppose each other; the one candidate that is recomputed cannot be best in both."""
+    scattered = {
+        "base": {"x": 0.5},
+        "scatter": {"load": {"low": 0.9, "high": 1.1}},
+        "search": {"evaluations": 20, "samples": 8, "confirm_samples": 8, "confirmed": 1},
+    }
+    aims = {"light": {"output": "weight"}, "soft": {"output": "stress"}}
+    summary = solve("hole", {"x": {"low": 0, "high": 0.5}}, aims, **scattered)
+    assert float(summary.front["light"].min()) == 0.5  # regression: the best was worse than the start
+    assert summary.lines[0].startswith("The front has 2 candidates")
+    assert summary.front.attrs["confirmed"] == 1
+    aims = {"a": {"output": "stress"}, "b": {"output": "stress", "over": "mean"}}
+    summary = solve("hole", {"x": {"low": 0, "high": 0.5}}, aims, "other", **scattered)
+    assert summary.lines[0].startswith("One candidate is best in every objective of those recomputed: a 1.")
+
+
+def test_followers_of_listed_whole_numbers(solve):
+    """Exact: an argument of a function with listed whole numbers is a number in formulas; words are none."""
+    variables = {"x": {"values": [1, 2, 3]}, "s": {"formula": "x / 2"}}
+    front = solve("slope", variables, {"f": {"output": "f"}}, search={"evaluations": 5}).front  # regression: KeyError
+    assert (float(front["x"][0]), float(front["s"][0]), float(front["f"][0])) == (1, 0.5, 0.5)
+    variables["x"]["values"] = ["a", "b"]
+    with pytest.raises(InputError, match=r"\[variables.s\]: .*unknown name 'x'"):
+        solve("slope", variables, {"f": {"output": "f"}})

@@ -335,6 +335,9 @@ class _Run:
         if fine is None:
             front = archive.take(rows)
             return Solved(archive, front, front.judged, start, 0, polished=polished, ended=tuple(self.ended))
+        confirmed = len(chosen)
+        if 0 not in chosen:  # the start is judged anyway, and may be better than all of them
+            chosen, fine = np.append(chosen, 0), Judged.joined([fine, start])
         order = front_rows(fine.objectives * problem.signs, fine.feasible)
         front = Archive(archive.units[chosen[order]], fine.take(order), archive.generation[chosen[order]])
         nearest = fine.nearest()
@@ -343,7 +346,7 @@ class _Run:
             front,
             archive.judged.take(chosen[order]),
             start,
-            len(chosen),
+            confirmed,
             polished=polished,
             ended=tuple(self.ended),
             nearest=None if nearest is None else (archive.units[chosen[nearest]], fine.reasons[nearest]),

@@ -49,7 +49,9 @@ class Scatter:
 
 
 def _centre(table: FactorTable) -> float:
-    """The value of a distribution that a candidate takes: its centre, or the mean of listed values."""
+    """The value of a distribution that a candidate takes: its mean, else its centre, or the mean of listed values."""
+    if table.mean is not None:
+        return table.mean
     density = scatter_density(table)
     if density is not None:
         return density.centre

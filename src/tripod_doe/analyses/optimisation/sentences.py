@@ -126,10 +126,13 @@ def _nearness(problem: Problem, value: float) -> tuple[float, str, str]:
 
 
 def _all_equal(problem: Problem, solved: Solved) -> list[str]:
-    """The sentence where several candidates are feasible, and none differs from another in any objective."""
+    """The sentence where several candidates are feasible, and none differs from another in any objective.
+
+    None where some were recomputed: what is equal in the search need not be so by another model or sample.
+    """
     judged = solved.archive.judged
     own = judged.objectives[judged.feasible]
-    if len(own) < 2 or np.ptp(own, axis=0).any():
+    if solved.confirmed or len(own) < 2 or np.ptp(own, axis=0).any():
         return []
     values = [f"{name} {aim_text(problem, at, float(own[0, at]))}" for at, name in enumerate(problem.objectives)]
     return [f"The variables change no objective: all {len(own):,} feasible candidates have {listed(values)}."]
@@ -186,7 +189,9 @@ def _several(problem: Problem, solved: Solved) -> list[str]:
         return equal
     if len(aims) == 1:
         values = _objectives_at(problem, solved, 0, digits_of_columns(front.judged.objectives))
-        which = "feasible" if solved.archive.judged.feasible.sum() == 1 else "best in every objective"
+        which = f"best in every objective{' of those recomputed' * bool(solved.confirmed)}"
+        if not solved.confirmed and solved.archive.judged.feasible.sum() == 1:
+            which = "feasible"
         only = f"One candidate is {which}: {listed(values)}, at {joint_text(problem, front.units[0])}."
         return [only, *(line for at in range(len(names)) for line in _against_start(problem, solved, at))]
     digits = digits_of_columns(front.judged.objectives)
@@ -247,7 +252,8 @@ def _scatter(problem: Problem, solved: Solved) -> list[str]:
 
 def _left_out(solved: Solved) -> list[str]:
     judged = solved.archive.judged
-    broken = int((~np.isfinite(judged.objectives).all(axis=1)).sum())
+    values = np.column_stack([judged.objectives, judged.violations])
+    broken = int((~np.isfinite(values).all(axis=1)).sum())
     beyond = int((~judged.feasible).sum()) - broken
     total = len(judged.reasons)
     parts = []

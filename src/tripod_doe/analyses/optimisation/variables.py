@@ -98,7 +98,9 @@ class Variables:
         }
         for each in self.followers:
             arrays |= {
-                name: NamedArray((POINT,), column) for name, column in columns.items() if column.dtype.kind == "f"
+                name: NamedArray((POINT,), column.astype(float))
+                for name, column in columns.items()
+                if column.dtype.kind in "fi"
             }
             value = each.expression.numbers(Arrays(arrays))
             columns[each.parameter.name] = np.array(np.broadcast_to(value.data, len(units)))
@@ -121,6 +123,11 @@ class Variables:
 
 def _is_number(value: Value) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _has_numbers(table: VariableTable) -> bool:
+    """Whether a variable takes numbers, of a range or listed, which do not follow from others."""
+    return table.low is not None or (table.values is not None and all(map(_is_number, table.values)))
 
 
 def make_variables(
@@ -149,7 +156,7 @@ def make_variables(
                 chosen.append(_variable(parameter, table))
             else:
                 others = [other for other in request.file.variables if other != name]
-                earlier = [other for other in others if request.file.variables[other].formula is None]
+                earlier = [other for other in others if _has_numbers(request.file.variables[other])]
                 earlier += [each.parameter.name for each in followers]
                 known = {
                     *earlier,

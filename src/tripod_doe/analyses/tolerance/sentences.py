@@ -10,7 +10,7 @@ import xarray as xr
 
 from tripod_doe.analyses.tolerance.chances import points_to_decide
 from tripod_doe.analyses.tolerance.confirmation import CONFIRMED, RUNS, factor_tables, limit_key
-from tripod_doe.analyses.tolerance.narrower_scatter import together
+from tripod_doe.analyses.tolerance.narrower_scatter import SCALES, together
 from tripod_doe.page_parts.main_outputs import (
     OutputPart,
     differ,
@@ -30,6 +30,7 @@ _MOST_EXCEED = 0.5  # part of the points beyond a limit, from which on its nomin
 _AMPLITUDE = "thrust_amplitude"
 _NOTABLE = 0.1  # of the largest order, from which on another one is stated
 _MOST_ORDERS = 6
+_NARROWEST = f"{100 * min(SCALES):g} %"  # scale that is tried
 _WIDER = 1.2  # times an interval, from which on the error of the model is worth a sentence
 
 
@@ -280,7 +281,7 @@ def _smaller_scatter(part: xr.Dataset, names: list[str], tables: Mapping[str, Fa
         return "", []
     first, second = pairs[0]
     size, one = float(scale[first, second]), part.isel(factor=first, factor_2=second)
-    start = "no single scatter suffices: " if all(excluded[k, k] for k in every) else ""
+    start = f"no single scatter suffices, even at {_NARROWEST}: " if all(excluded[k, k] for k in every) else ""
     both = f"{_smaller(names[first], size, tables)} and {_smaller(names[second], size, tables)}"
     return f"{start}{both}: {_remaining_chance(one, 'scale')}. {_widest(part)}", [float(one["exceedance_at_scale"])]
 
@@ -296,7 +297,7 @@ def _unresolved(aim: str, part: xr.Dataset) -> str:
     if bool(part["scale_excluded"].values.astype(bool).all()):
         most = float(part["exceedance_low"]) > _MOST_EXCEED
         move = f"shift a nominal value: {_chance(part, 'exceedance')} exceed the limit now, and " if most else ""
-        return f"{aim}, {move}reducing the scatter of one or two factors is not enough."
+        return f"{aim}, {move}reducing the scatter of one or two factors to {_NARROWEST} is not enough."
     points = f"{int(part.attrs['points_used']):,} points"
     return f"{aim}, these {points} prove no reduced scatter of one or two factors sufficient."
 

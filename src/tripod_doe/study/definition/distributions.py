@@ -134,7 +134,7 @@ class Scatter:
     """The scatter of a factor."""
 
     density: Callable[[FloatArray], FloatArray]  # its density over its values, or over their logarithms
-    centre: float  # centre of the scatter: mean, middle of a range, or peak
+    centre: float  # centre of the scatter: mean or the end of the range next to it, middle of a range, or peak
     logarithmic: bool  # whether density and centre belong to logarithms
 
 
@@ -148,7 +148,9 @@ def scatter_density(table: FactorTable) -> Scatter | None:
     if kind == "log-uniform":
         low, high = math.log(low), math.log(high)
         return Scatter(stats.uniform(low, high - low).pdf, (low + high) / 2, True)
-    centre = {"triangular": table.mode, "normal": table.mean, "truncated-normal": table.mean}.get(kind)
+    centre = {"triangular": table.mode, "normal": table.mean}.get(kind)
+    if kind == "truncated-normal":  # the end next to a mean outside of the range: a narrower scatter stays in the range
+        centre = min(max(table.mean or 0.0, low), high)
     return Scatter(_frozen(table).pdf, (low + high) / 2 if centre is None else centre, False)
 
 
