@@ -184,3 +184,22 @@ def test_shares_may_differ_from_those_of_the_paper_by_four_points():
         rule.name.removeprefix("share_"): (rule.low, rule.high) for rule in RULES if rule.name.startswith("share_")
     }
     assert limits == {name: (share - 4, share + 4) for name, share in shares.items()}
+
+
+def test_points_of_different_joints_decide_nothing():
+    """Regression: one joint gave 7 and 14 N, another one 28 N, and the claim held; the first of two joints counted."""
+    rows = [skewed(2, torque_n_m=torque, pitch_radius_mm=21.0) for torque in (25.0, 50.0, 100.0)]
+    rows[2]["pitch_radius_mm"] = 30.0
+    claims = check_claims({"torque": points(rows, [7.0, 14.0, 28.0], 0.2)}, SETTINGS)
+    assert verdict(claims, "third_proportional_to_torque") is Verdict.NOT_DECIDED
+    reason = str(claims["reason"].sel(claim="third_proportional_to_torque").item())
+    assert "points of different joints were run, which differ in pitch_radius_mm" in reason
+    two = {f"at {radius}": cases([0.1, 0.2, 0.004, 0.2], 0) for radius in (21, 30)}
+    two["at 30"].attrs["fixed_parameters"] = json.dumps({"model": "needles", "pitch_radius_mm": 30})
+    assert verdict(check_claims(two, SETTINGS), "second_vanishes_equal_skews") is Verdict.NOT_DECIDED
+
+
+def test_the_sign_of_a_torque_does_not_count():
+    rows = [skewed(2, torque_n_m=torque) for torque in (-50.0, 50.0, 100.0)]  # regression: 300 % off the mean
+    claims = check_claims({"torque": points(rows, [14.0, 14.0, 28.0], 0.2)}, SETTINGS)
+    assert verdict(claims, "third_proportional_to_torque") is Verdict.HOLDS

@@ -25,6 +25,11 @@ _IDENTITY = (
     *(f"initial_skew_{k}_deg" for k in (1, 2, 3)),
     *MECHANISMS,
 )
+_OTHERS = [  # what makes another joint of points that are else alike
+    name
+    for name, parameter in JOINT_PARAMETERS.items()
+    if parameter.group not in ("numerics", "limits") and name not in _IDENTITY
+]
 _SAME = 1e-9
 
 
@@ -109,13 +114,19 @@ class Evidence:
         cubes: Cubes of studies by any name; results of analyses are skipped.
 
     Attributes:
-        used: Numbers of the points returned since it was last emptied, by the names of their cubes.
+        used: Numbers of the points returned since the last `begin`, by the names of their cubes.
     """
 
     def __init__(self, cubes: Mapping[str, xr.Dataset]) -> None:
         self.cubes = {name: cube for name, cube in cubes.items() if is_study(cube)}
         self.used: dict[str, set[int]] = {}
         self._points = [point for name, cube in self.cubes.items() for point in _points_of(name, cube)]
+        self._first: Point | None = None  # of the joint, since the last `begin`
+
+    def begin(self) -> None:
+        """Begin with another claim: its points may be of another joint."""
+        self.used.clear()
+        self._first = None
 
     def joint(self, **wanted: Any) -> list[Point]:
         """Points of the joint at the reference point, except for the parameters in `wanted`; `ANY` matches any value.
@@ -123,10 +134,16 @@ class Evidence:
         Of points that differ only in numerics, returns the point with the smallest tolerance.
 
         Raises:
-            MissingPointError: If there is none, or one did not finish: finished points alone do not decide a claim.
+            MissingPointError: If there is none, or one did not finish: finished points alone do not decide a claim; or
+                if points since the last `begin` are of different joints.
         """
         identity = {name: JOINT_PARAMETERS[name].default for name in _IDENTITY} | wanted
-        return self._finished(identity, [point for point in self._points if "model" in point.parameters], wanted)
+        among = [point for point in self._points if "model" in point.parameters and _matches(point, identity)]
+        for point in among:
+            self._first = self._first or point
+            if apart := [name for name in _OTHERS if point.value(name) != self._first.value(name)]:
+                raise MissingPointError(f"points of different joints were run, which differ in {', '.join(apart)}")
+        return self._finished(identity, among, wanted)
 
     def scene(self, **wanted: Any) -> list[Point]:
         """Points of another scene, identified by its own parameters; raises as `joint` does."""

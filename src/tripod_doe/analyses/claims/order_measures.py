@@ -27,7 +27,7 @@ def third_dominates(evidence: Evidence, cases: Cases) -> Measured:
 def over_torque(evidence: Evidence, cases: Cases) -> Measured:
     """Spread of the third order over torque."""
     torques, amplitudes = line_over(evidence, cases, 2, "torque_n_m", 3)
-    return spread_of(amplitudes, torques, pairs_text(torques, amplitudes, " N m"))
+    return spread_of(amplitudes, np.abs(torques), pairs_text(torques, amplitudes, " N m"))
 
 
 def over_speed(evidence: Evidence, cases: Cases) -> Measured:

@@ -63,7 +63,7 @@ def check_claims(cubes: Mapping[str, xr.Dataset], settings: ClaimsSettings) -> x
 
     Returns:
         One row per claim. ``verdict`` is holds, does_not_hold, or not_decided: a point that the claim needs is missing
-        or did not finish. Missing points are never replaced by others.
+        or did not finish, or its points are of different joints. Missing points are never replaced by others.
     """
     evidence, cases = Evidence(cubes), Cases(settings.model, settings.small_skew_deg, settings.large_skew_deg)
     rows = [_decide(rule, evidence, cases) for rule in RULES]
@@ -82,7 +82,7 @@ def check_claims(cubes: Mapping[str, xr.Dataset], settings: ClaimsSettings) -> x
 
 def _decide(rule: Rule, evidence: Evidence, cases: Cases) -> dict[str, Any]:
     """A row of the table."""
-    evidence.used.clear()
+    evidence.begin()
     try:
         measured, verdict = rule.measure(evidence, cases), Verdict.NOT_DECIDED
     except MissingPointError as missing:
