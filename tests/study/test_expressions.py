@@ -34,6 +34,25 @@ def test_conditions(text, expected):
     assert Expression(text, COLUMNS)(COLUMNS).tolist() == expected
 
 
+PHASES = {"p": np.array([170.0, 10.0, -170.0]), "q": np.array([-170.0, 0.0, 170.0])}
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["p - q < 0", "-(q - p) < 0", "+(p - q) < 0", "(p - q) / 2 < 0", "max(p - q, -50) < 0", "0.5 * (p - q) < 0",
+     "p - q + 0 < 0"],
+)  # fmt: skip
+def test_differences_of_phases_are_by_the_shorter_way_anywhere(text):
+    """Regression: beside a sign, a factor or a function they were not, and the same condition chose other rows."""
+    assert Expression(text, PHASES, phases=PHASES, is_condition=True)(PHASES).tolist() == [True, False, False]
+
+
+def test_conditions_compute_in_float64():
+    """Regression: float32 of a cube from another program overflowed."""
+    single = {"s": np.array([1e20, 1.0], np.float32)}
+    assert Expression("s * s * 0 == 0", single)(single).tolist() == [True, True]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

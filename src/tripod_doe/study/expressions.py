@@ -108,7 +108,8 @@ class Expression:
     Args:
         words: All texts that names have which are flags; a comparison of one with another text is refused.
         phases: Names that are phases.
-        is_condition: Whether it may compare phases as they stand in a cube, and their differences by the shorter way.
+        is_condition: Whether it may compare phases as they stand in a cube, and calculate with their differences, which
+            are by the shorter way.
 
     Raises:
         InputError: If the text does not parse, uses an unknown name, or anything but arithmetic, comparison, logic and
@@ -306,13 +307,14 @@ class Expression:
             raise InputError(f"{self.text!r}: compares a number with a text; write texts in quotes, numbers without")
 
     def _checked(self, name: str, array: NamedArray) -> NamedArray:
-        """The values of a name, whole numbers in float64."""
+        """The values of a name, numbers in float64."""
         values = array.data
-        if values.dtype.kind not in "iu":
+        if values.dtype.kind not in "iuf":
             return array
-        if values.size and not -_WHOLE <= int(values.min()) <= int(values.max()) <= _WHOLE:
+        whole = values.dtype.kind in "iu" and values.size
+        if whole and not -_WHOLE <= int(values.min()) <= int(values.max()) <= _WHOLE:
             raise InputError(f"{self.text!r}: {name} has whole numbers beyond {_WHOLE:,} that float64 may not hold")
-        return NamedArray(array.dims, values.astype(np.float64), array.labels)
+        return NamedArray(array.dims, values.astype(np.float64, copy=False), array.labels)
 
     def _value(self, node: ast.expr, source: Source, whole: bool) -> NamedArray:
         match node:
@@ -328,7 +330,7 @@ class Expression:
                 inner = self._value(operand, source, whole)
                 is_not = isinstance(op, ast.Not)
                 data = np.logical_not(_truth(inner.data)) if is_not else _UNARY[type(op)](_number(inner.data))
-                return NamedArray(inner.dims, data, inner.labels)
+                return NamedArray(inner.dims, shorter_way(data) if self._turns(node) else data, inner.labels)
             case ast.Subscript(value=value, slice=index):
                 inner = self._value(value, source, True)
                 try:
@@ -375,14 +377,13 @@ class Expression:
         dims, labels, terms = arrays[0].dims, arrays[0].labels, [array.data for array in arrays]
         match node:
             case ast.BinOp(op=op):
-                return NamedArray(dims, np.asarray(_BINARY[type(op)](*map(_number, terms))), labels)
+                data = np.asarray(_BINARY[type(op)](*map(_number, terms)))
+                return NamedArray(dims, shorter_way(data) if self._turns(node) else data, labels)
             case ast.BoolOp(op=op):
                 combine = np.logical_and if isinstance(op, ast.And) else np.logical_or
                 return NamedArray(dims, np.asarray(reduce(combine, map(_truth, terms))), labels)
             case ast.Compare(ops=ops):
                 self._refuse_mixed(terms)
-                turned = [isinstance(part, ast.BinOp) and self._turns(part) for part in parts]
-                terms = [shorter_way(term) if turns else term for term, turns in zip(terms, turned, strict=True)]
                 links = [np.asarray(_COMPARE[type(op)](terms[i], terms[i + 1])) for i, op in enumerate(ops)]
                 return NamedArray(dims, np.asarray(reduce(np.logical_and, links)), labels)
         raise AssertionError(node)
