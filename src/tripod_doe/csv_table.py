@@ -1,7 +1,7 @@
 """Tables that people write as CSV files: a header, and rows with a field for each of its columns.
 
 Fields are separated by commas; by semicolons or tabs, as spreadsheets write them in some countries, decimal commas are
-read, too, and a point may stand between thousands.
+read, too, and a point may stand between thousands. And cells of tables that are written for them.
 """
 
 import csv
@@ -12,13 +12,14 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from tripod_doe.checksum_list import refuse_changed
-from tripod_doe.errors import InputError, TooLargeError
+from tripod_doe.errors import InputError, TooLargeError, printable
 from tripod_doe.regular_files import read_regular, text_of
 from tripod_doe.typed_numbers import number_or_text, readings
 
 _ABOVE = re.compile(
     r"\s*$|\"?sep=.\"?\r?$", re.I
 )  # a line above the header: empty, or the separator that Excel is to take
+_FORMULA = re.compile(r"[=+\-@\t\r]")  # how a spreadsheet takes a cell for one
 
 
 def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[list[str], dict[int, list[str]]]:
@@ -108,3 +109,10 @@ def _unclear(column: list[str], read: Mapping[str, list[float]], signs: str, sho
     whole = any(re.fullmatch(r"[+-]?[0-9]+", field) for field in column)
     known = signs if shown else "." * (not whole)
     return next((f for f in column if len(read.get(f, ())) > 1 and not any(sign in f for sign in known)), "")
+
+
+def csv_cell(value: object) -> object:
+    """A value as a cell of a CSV file: a text like a formula gets a ' in front, and control characters are escapes."""
+    if not isinstance(value, str):
+        return value
+    return printable(f"'{value}" if _FORMULA.match(value) else value)

@@ -6,12 +6,9 @@ Three significant digits, powers of ten only for very large and small numbers, a
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable
 from itertools import pairwise
 from typing import Any
-
-from tripod_doe.errors import printable
 
 _DIGITS = 3
 _ROUNDING = 1e-9  # part of a number up to which the half width of its interval is rounding
@@ -30,16 +27,6 @@ _TIMES = (
 )
 _PERSONS = {"youngs": "Young's", "poissons": "Poisson's"}
 _SIZES = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"), (1e3, "kB"), (1.0, "bytes"))
-
-
-_FORMULA = re.compile(r"[=+\-@\t\r]")
-
-
-def csv_cell(value: object) -> object:
-    """A value as a cell of a CSV file: a text like a formula gets a ' in front, and control characters are escapes."""
-    if not isinstance(value, str):
-        return value
-    return printable(f"'{value}" if _FORMULA.match(value) else value)
 
 
 def number(value: float, digits: int = _DIGITS) -> str:

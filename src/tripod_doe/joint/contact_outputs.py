@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from tripod_doe.joint.dimensions import GROOVE, NEEDLE, ROTATION, TRUNNION
+from tripod_doe.joint.output_dimensions import GROOVE, NEEDLE, ROTATION, TRUNNION
 from tripod_doe.model_interface import Dimension, Output
 
 _IN_GROOVE, _ON_TRUNNION, _OF_NEEDLE = (GROOVE, ROTATION), (TRUNNION, ROTATION), (TRUNNION, NEEDLE, ROTATION)

@@ -8,8 +8,8 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.contact_outputs import CONTACT_OUTPUTS
-from tripod_doe.joint.dimensions import CYCLE, GROOVE, ORDER, ROTATION, STATISTIC, TRUNNION
 from tripod_doe.joint.orders import amplitude_and_phase, complex_amplitudes, rms
+from tripod_doe.joint.output_dimensions import CYCLE, GROOVE, ORDER, ROTATION, STATISTIC, TRUNNION
 from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.mechanics.stability.rates import RATE_OUTPUTS
 from tripod_doe.model_interface import Dimension, Output, by_name

@@ -26,7 +26,7 @@ from tripod_doe.joint.known_errors.operating_ratios import TOUCHING, has_no_thru
 from tripod_doe.joint.known_errors.vibration_record import SHARE, near_vibrating, vibration_errors, vibration_share
 from tripod_doe.joint.models.balances import some_vibrate
 from tripod_doe.joint.models.candidates import JOINT_CANDIDATES
-from tripod_doe.joint.models.record import Model
+from tripod_doe.joint.models.model import Model
 from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.joint.outputs import JOINT_OUTPUTS, STEP_ERROR, VIBRATES, vibration_tests
 from tripod_doe.joint.parameters import JOINT_PARAMETERS

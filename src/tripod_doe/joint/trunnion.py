@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.joint.dimensions import ORDER, ROTATION, rotation_angles
 from tripod_doe.joint.geometry.feasibility import infeasible
 from tripod_doe.joint.models.multibody_run import compile_joint, follow
 from tripod_doe.joint.models.registry import MODELS
@@ -22,6 +21,7 @@ from tripod_doe.joint.multibody.joint_scene import build_trunnion
 from tripod_doe.joint.multibody.numerical_error import amplitude_error, finer_thrust, judge, miss_of_given
 from tripod_doe.joint.multibody.thrust_and_power import groove_readings, needle_drift, needle_skews
 from tripod_doe.joint.orders import amplitude_and_phase, complex_amplitudes
+from tripod_doe.joint.output_dimensions import ORDER, ROTATION, rotation_angles
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.joint.unit_conversion import internal_values, point_values
 from tripod_doe.mechanics.assembly import assemble

@@ -13,7 +13,7 @@ import xarray as xr
 from tripod_doe.analyses.claims.skew_charts import findings_over_skew_charts, kept_skew_charts
 from tripod_doe.analyses.contribution.charts import contribution_charts
 from tripod_doe.analyses.contribution.sentences import contribution_notes
-from tripod_doe.analyses.contribution.shares import contributions, share_rows
+from tripod_doe.analyses.contribution.share_tables import contributions, share_rows
 from tripod_doe.analyses.failing_region.charts import failing_region_chart
 from tripod_doe.analyses.findings import find
 from tripod_doe.analyses.kinds import kind_of, of_kind

@@ -1,4 +1,7 @@
-"""The hash of all that determines the result of a step: a step whose hash is the same is not made again."""
+"""The hash of all that determines the result of a step: a step whose hash is the same is not made again.
+
+What enters it is chosen where the step is read, in `workflow`.
+"""
 
 import hashlib
 from pathlib import Path

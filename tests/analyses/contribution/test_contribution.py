@@ -12,7 +12,7 @@ import xarray as xr
 from tripod_doe.analyses.contribution.charts import contribution_charts
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analyses.contribution.sentences import contribution_notes, find_in_contribution
-from tripod_doe.analyses.contribution.shares import contributions
+from tripod_doe.analyses.contribution.share_tables import contributions
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.dataset import build_cube

@@ -14,7 +14,7 @@ from slow_cases import first_fast
 from tripod_doe.analyses.contribution.charts import contribution_charts
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
 from tripod_doe.analyses.contribution.sentences import contribution_findings, contribution_notes, contribution_table
-from tripod_doe.analyses.contribution.shares import PAPER_SHARES, contributions, percent, share_rows, signed
+from tripod_doe.analyses.contribution.share_tables import PAPER_SHARES, contributions, percent, share_rows, signed
 from tripod_doe.analyses.findings import find
 from tripod_doe.model_interface import Outcome
 from tripod_doe.reports.study_report import make_page

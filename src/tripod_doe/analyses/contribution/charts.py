@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from tripod_doe.analyses.contribution.shares import DEFINITIONS, Contribution, contributions, percent
+from tripod_doe.analyses.contribution.share_tables import DEFINITIONS, Contribution, contributions, percent
 from tripod_doe.array_types import FloatArray
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above, panels
 from tripod_doe.page_parts.words import spoken, with_brackets

@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.contribution.contribution import PAPER_SHARES
-from tripod_doe.analyses.contribution.shares import (
+from tripod_doe.analyses.contribution.share_tables import (
     ANSWERS,
     CHANGES,
     DEFINITIONS,

@@ -17,11 +17,11 @@ from tripod_doe.analyses.comparison.plausibility import doubts_of_fit
 from tripod_doe.analyses.fit.fit import Skews, Solution, solve
 from tripod_doe.analyses.fit.fit_file import FitRequest
 from tripod_doe.analyses.fit.identifiability import skews_alike
+from tripod_doe.analyses.fit.kept_skews import UNLIKELY, first_look, improbability_of, joined, with_initial_skews
 from tripod_doe.analyses.fit.least_squares import Descent, Predict
 from tripod_doe.analyses.fit.misfit import Rows
 from tripod_doe.analyses.fit.model_error import TURNING, ModelError, Needles, model_error
 from tripod_doe.analyses.fit.records import RigRecord, make_rows, measured_orders, read_records
-from tripod_doe.analyses.fit.skews_that_stay import UNLIKELY, first_look, improbability_of, joined, with_initial_skews
 from tripod_doe.analyses.fit.unknowns import Layout, Unknown, make_layout
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.csv_table import read_csv_table

@@ -14,10 +14,9 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.contact_notes import Extremes, add_contact_notes
 from tripod_doe.joint.contact_outputs import NEEDLE_NAMES, wanted_contacts
-from tripod_doe.joint.known_errors.operating_ratios import RATIOS
-from tripod_doe.joint.known_errors.vibration_record import SHARE, SHARE_MEANING
-from tripod_doe.joint.models.multibody_models import CROWN_FOLLOWED, prepare_multibody
-from tripod_doe.joint.models.record import RATES, SKEWS, Model
+from tripod_doe.joint.models.model import RATES, SKEWS, Model
+from tripod_doe.joint.models.multibody_models import prepare_multibody
+from tripod_doe.joint.models.valid_ranges import CROWN_FOLLOWED, NO_CROWN, SLOW, within
 from tripod_doe.joint.outputs import (
     CYCLE_OUTPUTS,
     JOINT_OUTPUTS,
@@ -34,7 +33,7 @@ from tripod_doe.joint.outputs import (
 from tripod_doe.joint.unit_conversion import internal_values
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.compilation.first_compilation import first_compilation
-from tripod_doe.model_interface import BlockResult, Outcome, ValidRange
+from tripod_doe.model_interface import BlockResult, Outcome
 
 if TYPE_CHECKING:  # a model imports its kernels when it is first used
     from tripod_doe.joint.force_balance.equilibrium import Equilibrium
@@ -250,55 +249,14 @@ def _solve_kinetostatic(
     return solve_kinetostatic(points, samples, reader=reader, names=names)
 
 
-_NO_PRELOAD = ValidRange(
-    "bearing_radial_clearance_mm", "below, the bearing is preloaded and carries load all around", low=0, unit="mm"
-)
-_NO_CROWN = ValidRange(
-    "needle_crown_um", "beyond, rollers tilt more easily on their needles than the model assumes", high=0, unit="um"
-)
-
-
-_SLOW = ValidRange(
-    "inertia_ratio", "beyond, inertia matters, and the model neglects it", high=0.03, meaning=RATIOS["inertia_ratio"]
-)
-
-
-_CALM = ValidRange(
-    SHARE,
-    "beyond, joints often vibrate by themselves, which the model leaves out; model rollers includes vibration",
-    high=0.1,
-    meaning=SHARE_MEANING,
-)
-
-
-def _within(swing: float, needle: float) -> tuple[ValidRange, ...]:
-    """Valid range of a balance: inside it, errors at nine of ten measured points (`error_estimate`) are within 5 %."""
-    return (
-        ValidRange(
-            "swing_ratio",
-            "beyond, rollers swing in their grooves in ways that the model leaves out",
-            high=swing,
-            meaning=RATIOS["swing_ratio"],
-        ),
-        ValidRange(
-            "needle_ratio",
-            "beyond, needles hold the rollers back, and the thrust is a small difference of large forces",
-            high=needle,
-            meaning=RATIOS["needle_ratio"],
-        ),
-        _NO_PRELOAD,
-        _CALM,
-    )
-
-
 EQUILIBRIUM = replace(
     _balance("equilibrium", _solve_equilibrium, 1e-9, _ROUNDING, moves_needles=False),
     ignores=_SETTLED | _OF_NEEDLES | _MASSES,
     lacks=dict.fromkeys(("speed_rpm", *sorted(_MASSES)), "this model has no inertia"),
-    valid=(*_within(swing=0.05, needle=0.2), _SLOW, _NO_CROWN),
+    valid=(*within(swing=0.05, needle=0.2), SLOW, NO_CROWN),
 )
 KINETOSTATIC = replace(
     _balance("kinetostatic", _solve_kinetostatic, 1e-6, _SPIDER_MOTION, moves_needles=True),
     ignores=_SETTLED,
-    valid=(*_within(swing=3, needle=0.5), CROWN_FOLLOWED),
+    valid=(*within(swing=3, needle=0.5), CROWN_FOLLOWED),
 )

@@ -13,8 +13,8 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.accuracy import OrderAccuracy
 from tripod_doe.joint.contact_notes import Extremes, add_contact_notes
 from tripod_doe.joint.contact_outputs import NEEDLE_NAMES, wanted_contacts
-from tripod_doe.joint.known_errors.operating_ratios import TOUCHING, TOUCHING_MEANING
-from tripod_doe.joint.models.record import RATES, SKEWS, Model
+from tripod_doe.joint.models.model import RATES, SKEWS, Model
+from tripod_doe.joint.models.valid_ranges import CROWN_FOLLOWED, NOT_PRELOADED
 from tripod_doe.joint.outputs import (
     CYCLE_OUTPUTS,
     JOINT_OUTPUTS,
@@ -27,7 +27,7 @@ from tripod_doe.joint.outputs import (
 )
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.integrators.registry import METHODS
-from tripod_doe.model_interface import BlockResult, Methods, ValidRange, not_counted
+from tripod_doe.model_interface import BlockResult, Methods, not_counted
 
 if TYPE_CHECKING:  # a model imports its kernels when it is first used
     from tripod_doe.joint.multibody.run_result import Readings
@@ -123,20 +123,6 @@ _MULTIBODY_METHODS = {
 }
 """Methods by model: False for `rollers`, True for `needles` (needles are bodies)."""
 
-_NO_PRELOAD = ValidRange(
-    "bearing_radial_clearance_mm", "below, the bearing is preloaded, and no such joint is on record", low=0, unit="mm"
-)
-
-CROWN_FOLLOWED = ValidRange(
-    TOUCHING,
-    "below, so few spheres follow the load of a crowned needle coarsely",
-    low=1.5,
-    meaning=TOUCHING_MEANING,
-    remedy="raise spheres_per_needle",
-)
-"""Of 160 joints with crowns of 2 to 40 um, nine of ten third orders of `kinetostatic` are within 1.1 % of those with 51
-spheres inside it, and within 6 % outside (24 % at most)."""
-
 ROLLERS = Model(
     name="rollers",
     methods=_MULTIBODY_METHODS[False],
@@ -144,7 +130,7 @@ ROLLERS = Model(
     outputs=frozenset(JOINT_OUTPUTS) - {*SKEWS, *NEEDLE_NAMES, *CYCLE_OUTPUTS, VIBRATION_THIRD},
     simulate=partial(_simulate_multibody, False),
     prepare=prepare_multibody,
-    valid=(_NO_PRELOAD, CROWN_FOLLOWED),
+    valid=(NOT_PRELOADED, CROWN_FOLLOWED),
     settles=True,
 )
 

@@ -17,10 +17,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
+from tripod_doe.csv_table import csv_cell
 from tripod_doe.errors import CubeError, InputError, near_match, option, printable
 from tripod_doe.model_interface import Outcome
 from tripod_doe.phases import is_phase, is_phase_name
-from tripod_doe.quantities import csv_cell, level, plain_json
+from tripod_doe.quantities import level, plain_json
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.cube.slab_reading import read_positions
 from tripod_doe.study.cube.slabs import box, slabs
