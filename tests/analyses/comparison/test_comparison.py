@@ -15,7 +15,7 @@ from measured import Recorder
 import tripod_doe as td
 from slow_cases import first_fast
 from tripod_doe.analyses.comparison.comparison import NONE_IN_MODEL, TOO_SMALL, compare
-from tripod_doe.analyses.comparison.model_point import model_point
+from tripod_doe.analyses.comparison.model_point import model_point, model_waveform
 from tripod_doe.analyses.comparison.sentences import find_in_comparison
 from tripod_doe.measurements.measurement import Measurement, read_measurement, rotation_from_tachometer
 from tripod_doe.measurements.order_tracking import resample, track_orders
@@ -747,3 +747,13 @@ def test_a_cube_that_xarray_calculated_is_refused():
     angle = np.arange(0, 4 * 360, 1.0)
     with pytest.raises(td.CubeError, match="thrust_amplitude of this cube states no unit"):
         compare(Measurement(angle, Recorder(KNOWN).thrust(angle), angle / 3600, "zero"), point)
+
+
+@pytest.mark.parametrize("rotation", [None, np.zeros(720), np.full(720, np.nan)])
+def test_a_waveform_without_its_angles_is_that_of_its_orders(rotation):
+    """Regression: the comparison with such a cube of another program ended in an internal error."""
+    point, values = model(), complex_orders(KNOWN)
+    angles = {} if rotation is None else {"rotation_deg": rotation}
+    with_thrust = point.assign(thrust=("rotation_deg", np.zeros(720))).assign_coords(angles)
+    wave = np.exp(1j * np.radians(np.outer(np.arange(360), np.arange(13))))
+    assert model_waveform(with_thrust, values, wave).tolist() == model_waveform(point, values, wave).tolist()

@@ -238,6 +238,16 @@ def test_files_without_hdf5_are_read(tmp_path):
     assert td.open_cube(path)["y"].sum() == 3.0
 
 
+def test_a_variable_that_is_packed_by_a_text_is_refused(tmp_path):
+    """Regression: every reader of such a file ended in an internal error."""
+    with netCDF4.Dataset(tmp_path / "a.nc", "w") as stored:
+        stored.createDimension("x", 3)
+        stored.createVariable("y", "f8", ("x",))[:] = 1.0
+        stored["y"].add_offset = "true"
+    with pytest.raises(CubeError, match="y is packed by a text in place of a number"):
+        td.open_cube(tmp_path / "a.nc")
+
+
 @pytest.mark.slow
 def test_a_chunk_that_fills_the_memory_is_refused(tmp_path):
     """Regression: one value of a chunk of 4 GB, 62 kB in its file, took 4 GB of memory."""

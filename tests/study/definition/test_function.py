@@ -5,6 +5,10 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import nullcontext
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -15,6 +19,7 @@ from slow_cases import first_fast
 from tripod_doe.errors import InputError, TripodDoeError
 from tripod_doe.model_interface import BlockResult
 from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED, build_cube
+from tripod_doe.study.definition.function_sources import source_hash, sources_of
 from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder
@@ -312,6 +317,86 @@ def test_what_a_function_of_a_notebook_uses_counts(change):
         return subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
 
     assert hashed(NOTEBOOK) == hashed(f"# moved\n{NOTEBOOK}") != hashed(NOTEBOOK.replace(first, second))
+
+
+FORMS = {
+    "a partial function": "def g(x, k): return FAC * x * k\nh = functools.partial(g, k=1)",
+    "a vectorized function": "def g(x): return FAC * x\nh = np.vectorize(g)",
+    "a bound method": "class C:\n  def m(self, x): return FAC * x\nh = C().m",
+    "a method of a base class": "class B:\n  def m(self, x): return FAC * x\nclass C(B): pass\nh = C()",
+    "a property": "class C:\n  @property\n  def p(self): return FAC\nh = C()",
+    "a cached property": "class C:\n  @functools.cached_property\n  def p(self): return FAC\nh = C()",
+    "a function in an object": "def g(x): return FAC * x\nh = types.SimpleNamespace(g=g)",
+    "a function in an array": "def g(x): return FAC * x\nh = np.array([g])",
+    "an attribute of a function": "def h(x): return h.k * x\nh.k = FAC",
+    "a decorator": "def w(g):\n  @functools.wraps(g)\n  def inner(x): return FAC * g(x)\n  return inner\n@w\ndef h(x): return x",
+    "a function by types": "@functools.singledispatch\ndef h(x): pass\n@h.register\ndef _(x: float): return FAC * x",
+    "a module made by hand": "h = types.ModuleType('h')\nh.k = FAC",
+    "a pattern": "h = re.compile('FAC')",
+    "a set": "h = {'a', 'b', 'FAC'}",
+    "a function that holds itself": "def h(x): return FAC * x\nh.h = h",
+}
+HASHED = """
+import functools, re, sys, types, numpy as np
+from tripod_doe.study.definition import function_sources as s
+for form in {forms!r}:
+    hashes = []
+    for factor in ("2", "2", "3"):
+        exec(form.replace("FAC", factor) + "\\ndef f(x): return h, x in ('a', {{'b', 'c', 'd'}})", globals())
+        hashes.append(s.source_hash(f, {{}}))
+    print(*hashes)
+"""
+
+
+def test_all_that_a_function_of_a_notebook_uses_counts():
+    """Regression: of these, a changed one was not seen, and the old points were shown."""
+    script = HASHED.format(forms=list(FORMS.values()))
+    done, other = (
+        subprocess.run(
+            [sys.executable, "-c", script], capture_output=True, text=True, env={**os.environ, "PYTHONHASHSEED": seed}
+        )
+        for seed in "12"
+    )
+    assert done.stdout == other.stdout
+    for form, line in zip(FORMS, done.stdout.splitlines(), strict=True):
+        first, again, changed = line.split()
+        assert first == again != changed, form
+
+
+@pytest.mark.parametrize(
+    "imports", ["import {}", "from importlib import import_module\nh = lambda: import_module('{}')"]
+)
+def test_a_compiled_module_counts_and_stays_loaded(tmp_path, imports):
+    """Regression: of another build of a module beside the function, the old points were shown."""
+    name = f"user_of_build_{len(imports)}"
+    (tmp_path / f"{name}.py").write_text(f"def f(x):\n    {imports.format('fast_part').replace(chr(10), '; ')}\n")
+    built = tmp_path / f"fast_part{EXTENSION_SUFFIXES[0]}"
+    for build in (b"\x7fELF\0one", b"\x7fELF\0two"):
+        built.write_bytes(build)
+        with (
+            nullcontext()
+            if build.endswith(b"one")
+            else pytest.raises(InputError, match=r"fast_part.*start Python again")
+        ):
+            one = load_simulator(function=f"{name}:f", folder=StudyFolder(tmp_path))
+    assert source_hash(None, sources_of(name)) != one.source_hash
+
+
+def test_modules_beside_a_script_count(tmp_path, monkeypatch):
+    """Regression: of a function in a script, the points of an earlier version of its helper were shown."""
+    script, helper = ModuleType("__main__"), tmp_path / "helper_of_script.py"
+    script.__file__, script.f = str(tmp_path / "script.py"), lambda x: {"y": x}
+    Path(script.__file__).write_text("import helper_of_script\ndef f(x):\n    return {'y': helper_of_script.g(x)}\n")
+    helper.write_text("def g(x):\n    return x\n")
+    monkeypatch.setitem(sys.modules, "__main__", script)
+    first = load_simulator(function="__main__:f")
+    assert sources_of("__main__").keys() == {"__main__", "helper_of_script.py"}
+    helper.write_text("def g(x):\n    return 2 * x\n")
+    with pytest.raises(
+        InputError, match=r"helper_of_script.py has changed since it was loaded here: start Python again"
+    ):
+        load_simulator(function="__main__:f")
+    assert source_hash(script.f, sources_of("__main__")) != first.source_hash
 
 
 def test_numbers_and_texts_of_one_argument_are_refused(tmp_path):

@@ -217,8 +217,8 @@ def model_orders(point: xr.Dataset) -> ComplexArray:
 
 def model_waveform(point: xr.Dataset, model: ComplexArray, wave: ComplexArray) -> FloatArray:
     """The model's last revolution over 0 .. 359 deg; of a cube without waveforms the sum of its orders."""
-    if "thrust" not in point or _SPEED in point.dims:
+    last = np.asarray(point["rotation_deg"].values >= 360 if "rotation_deg" in point.coords else False)
+    if "thrust" not in point or _SPEED in point.dims or not last.any():
         return np.asarray((wave @ model).real, float)
     rotation, thrust = point["rotation_deg"].values, point["thrust"].values
-    last = rotation >= 360
     return np.asarray(np.interp(np.arange(CELLS), rotation[last] - 360, thrust[last], period=360), float)

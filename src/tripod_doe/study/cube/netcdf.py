@@ -46,6 +46,9 @@ _LARGEST_CHUNK, _TEXTS = 128_000_000, 1_000_000_000
 CHECKSUM = {"fletcher32": True, "contiguous": False}
 """Encoding of variables with a checksum of each chunk, which HDF5 checks when it reads."""
 
+_PACKING = frozenset(("scale_factor", "add_offset"))
+"""Attributes of a variable whose values are packed, numbers by CF."""
+
 _RESULTS = re.compile(r" \(results ([0-9]{1,10})\)$")
 
 _UNREADABLE = (OSError, RuntimeError, ValueError, KeyError, AttributeError, IndexError, TypeError)
@@ -151,18 +154,29 @@ def dataset_of(path: str | Path, mode: Literal["r"] = "r") -> netCDF4.Dataset:
     """Open a netCDF file for any reader; the caller holds the lock.
 
     Raises:
-        CubeError: If HDF5 would read other files for it, or it announces far more than it can hold: values, a chunk,
-            or texts that share their letters.
+        CubeError: If HDF5 would read other files for it, it announces far more than it can hold (values, a chunk,
+            or texts that share their letters), or a variable is packed by a text.
     """
     import netCDF4
 
     name = _own_name(path)
     refuse_outside(path)
     stored = netCDF4.Dataset(name, mode)
+    wrong = ""
     if excess := _excess(stored, os.path.getsize(path)):
+        wrong = f"{excess}, its end is lost, or it was made to fill the memory of its reader"
+    elif scaled := [each.name for each in _all_variables(stored) if _is_scaled_by_text(each)]:
+        wrong = f"{scaled[0]} is packed by a text in place of a number: another program wrote it"
+    if wrong:
         stored.close()
-        raise CubeError(f"{path}: {excess}, its end is lost, or it was made to fill the memory of its reader")
+        raise CubeError(f"{path}: {wrong}")
     return stored
+
+
+def _is_scaled_by_text(variable: netCDF4.Variable[Any]) -> bool:
+    """Whether the numbers by which a variable is packed are none."""
+    known = set(variable.ncattrs())
+    return any(isinstance(variable.getncattr(name), str | list) for name in _PACKING & known)
 
 
 def _own_name(path: str | Path) -> str:

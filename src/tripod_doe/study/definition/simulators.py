@@ -10,7 +10,13 @@ from typing import Any
 from tripod_doe.errors import InputError, TripodDoeError, near_match
 from tripod_doe.model_interface import Simulator
 from tripod_doe.study.definition.function import FunctionSimulator
-from tripod_doe.study.definition.function_sources import import_root, module_names, source_hash, sources_of
+from tripod_doe.study.definition.function_sources import (
+    import_root,
+    module_names,
+    source_hash,
+    sources_of,
+    stays_loaded,
+)
 from tripod_doe.study.definition.study_folder import StudyFolder
 
 SCENES = {
@@ -111,8 +117,14 @@ def _import_function(reference: str) -> tuple[Callable[..., Any], dict[str, byte
     called = _import_object(reference)
     sources = sources_of(module)
     before, wanted = _sources.get(module, sources), _files(module, sources)
-    if before != sources or any(_is_another(name, own) for name, own in wanted.items()):
-        _unload(module_names({*before, *sources}))
+    is_script = module == "__main__"  # which holds what it has imported
+    changed = [path for path, text in before.items() if sources.get(path) != text]
+    if stay := [path for path in changed if is_script or stays_loaded(path)]:
+        raise InputError(
+            f"function = {reference!r}: {stay[0]} has changed since it was loaded here: start Python again"
+        )
+    if not is_script and (before != sources or any(_is_another(name, own) for name, own in wanted.items())):
+        _unload(module_names(path for path in {*before, *sources} if not stays_loaded(path)))
         called = _import_object(reference)
     if not callable(called):
         raise InputError(f"function = {reference!r}: this is not a function")
