@@ -27,6 +27,7 @@ _VISIBLE = 5e-3  # orders below this part of the largest order get no sentence
 _MOST_OWN = 6  # numbers of a function
 _CLASSES = 10  # classes of a sampled factor
 _MOST_LEVELS = 40  # a factor with more values than this is a sampled one
+_LEAST_RATIO = 8.0  # of the largest to the smallest level, below which a logarithmic scale looks like a linear one
 _REPETITION = "replicate"  # the factor that numbers repeated runs of one point
 
 
@@ -180,6 +181,32 @@ def numeric_factors(cube: xr.Dataset) -> list[str]:
     return [name for name in numbers if np.ptp(cube[name].values) > 0]
 
 
+def spaced_by_ratios(values: NDArray[np.generic]) -> bool:
+    """Whether numbers lie more evenly on a logarithmic scale than on a linear one, over a ratio of at least 8."""
+    levels = np.unique(values.astype(float))
+    if levels.size < 3 or not levels[0] > 0 or levels[-1] / levels[0] < _LEAST_RATIO:
+        return False
+    even = np.linspace(0, 1, levels.size)
+    scales = (np.log(levels), levels)
+    by_ratios, by_steps = (np.abs((each - each[0]) / np.ptp(each) - even).sum() for each in scales)
+    return bool(by_ratios < by_steps)
+
+
+def logarithmic_factors(cube: xr.Dataset) -> set[str]:
+    """Factors on a logarithmic scale: those that the study gives one, and those whose listed values lie by ratios."""
+    tables = study_tables(cube).get("factors", {})
+    found = set()
+    for name in numeric_factors(cube):
+        table, values = tables.get(name), cube[name].values
+        if isinstance(table, dict) and "low" in table:
+            log = "log" in (table.get("scale"), str(table.get("distribution")).removesuffix("-uniform"))
+        else:
+            log = not (isinstance(table, dict) and "mean" in table) and spaced_by_ratios(values)
+        if log and values.min() > 0:
+            found.add(name)
+    return found
+
+
 def responses(cube: xr.Dataset) -> list[Response]:
     """The responses that sentences and figures show: orders of the thrust and own responses, or numbers of a function.
 
@@ -277,8 +304,12 @@ def along(response: Response, cube: xr.Dataset, factor: str) -> tuple[FloatArray
     return levels.values[good].astype(float), values.values[good].astype(float)
 
 
-def main_effect(response: Response, cube: xr.Dataset, factor: str) -> Effect:
-    """Mean and quartiles of the response at each value of a factor, over all others."""
+def main_effect(response: Response, cube: xr.Dataset, factor: str, logarithmic: bool = False) -> Effect:
+    """Mean and quartiles of the response at each value of a factor, over all others.
+
+    Args:
+        logarithmic: Whether the factor has a logarithmic scale: levels of classes are then geometric means.
+    """
     levels, values = along(response, cube, factor)
     distinct = np.unique(levels)
     sampled = distinct.size > _MOST_LEVELS
@@ -289,8 +320,10 @@ def main_effect(response: Response, cube: xr.Dataset, factor: str) -> Effect:
         group = np.searchsorted(distinct, levels)
     members = [np.flatnonzero(group == which) for which in np.unique(group)]
     lower, upper = (np.array([np.quantile(values[rows], part) for rows in members]) for part in (0.25, 0.75))
+    places = np.log(levels) if logarithmic else levels
+    means = np.array([places[rows].mean() for rows in members])
     return Effect(
-        level=np.array([levels[rows].mean() for rows in members]) if sampled else distinct,
+        level=(np.exp(means) if logarithmic else means) if sampled else distinct,
         mean=np.array([values[rows].mean() for rows in members]),
         lower=lower,
         upper=upper,

@@ -82,7 +82,7 @@ def _coded(name: str, column: NDArray[np.generic], table: FactorTable) -> list[t
     given = [float(value) for value in table.values or () if not isinstance(value, str)]
     low = table.low if table.low is not None else min(given, default=numbers.min())
     high = table.high if table.high is not None else max(given, default=numbers.max())
-    if table.scale == "log":
+    if table.sampled_as == "log-uniform":
         numbers, low, high = np.log(numbers), np.log(low), np.log(high)
     return [(name, scaled(numbers, low, high), 2.0)] if high > low else []
 

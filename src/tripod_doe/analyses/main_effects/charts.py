@@ -25,6 +25,7 @@ from tripod_doe.page_parts.main_results import (
     Effect,
     Response,
     factor_names,
+    logarithmic_factors,
     main_effect,
     numeric_factors,
     responses,
@@ -41,6 +42,7 @@ if TYPE_CHECKING:  # matplotlib is imported when something is drawn
 _MOST_LINES = len(COLOURS)
 _MOST_CELLS = (18, 8)  # rows and columns of a map whose cells still hold a readable number
 _MOST_MAPS = 4  # levels of a third factor
+_LOG_AXIS = "; logarithmic axis"
 _SHADES = ("#f4f7fb", "#9dbfdf", "#3f7fb8", "#0b3f73")  # of a map, from low to high
 
 
@@ -117,7 +119,7 @@ def _line_chart(response: Response, cube: xr.Dataset, factor: str, others: list[
             columns[f"{response.key}[{second}={text}]" if second else response.key] = column
             at, drawn, marked = _with_zero(levels, column, zero)
             axes.plot(at, drawn, markevery=marked, mfc="white" if which % 2 else None, **series(which), label=label)
-        factor_ticks(axes, levels)
+        factor_ticks(axes, levels, log := factor in logarithmic_factors(cube))
         axes.set_xlabel(axis_label(cube, factor))
         axes.set_ylabel(response.axis)
         drawn = np.concatenate([*list(columns.values())[1:], [0.0 if zero == 0 else np.nan]])
@@ -133,7 +135,7 @@ def _line_chart(response: Response, cube: xr.Dataset, factor: str, others: list[
         some = " (finished points only)" if bool(response.values.isnull().any()) else ""
         caption += f"; mean over {', '.join(factor_label(cube, name) for name in averaged)}{some}"
     title = f"{_capital(response)} over {factor_label(cube, factor)}"
-    caption += _zero_text(response, cube, factor, zero)
+    caption += _LOG_AXIS * log + _zero_text(response, cube, factor, zero)
     return Chart(f"{response.key}-{factor}", title, caption + ".", figure, pd.DataFrame(columns))
 
 
@@ -280,7 +282,8 @@ def _draw_contours(axes: Axes, across: FloatArray, up: FloatArray, values: Float
 
 def _point_charts(response: Response, cube: xr.Dataset) -> list[Chart]:
     """One chart a factor, all on the same vertical scale, so that their effects can be compared by eye."""
-    effects = {name: main_effect(response, cube, name) for name in numeric_factors(cube)}
+    logs = logarithmic_factors(cube)
+    effects = {name: main_effect(response, cube, name, name in logs) for name in numeric_factors(cube)}
     effects = {name: effect for name, effect in effects.items() if effect.mean.size > 1}
     if not effects:
         return []
@@ -288,7 +291,8 @@ def _point_charts(response: Response, cube: xr.Dataset) -> list[Chart]:
     high = max(float(np.maximum(e.upper, e.mean).max()) for e in effects.values())
     if any(zero_between(cube, response, name, effect.level) == 0 for name, effect in effects.items()):
         low = min(low, 0.0)
-    return [_band_chart(response, cube, name, effect, _limits(low, high)) for name, effect in effects.items()]
+    limits = _limits(low, high)
+    return [_band_chart(response, cube, name, effect, limits, name in logs) for name, effect in effects.items()]
 
 
 def _limits(low: float, high: float) -> tuple[float, float]:
@@ -298,7 +302,7 @@ def _limits(low: float, high: float) -> tuple[float, float]:
 
 
 def _band_chart(
-    response: Response, cube: xr.Dataset, factor: str, effect: Effect, limits: tuple[float, float]
+    response: Response, cube: xr.Dataset, factor: str, effect: Effect, limits: tuple[float, float], log: bool
 ) -> Chart:
     spread, zero = bool((effect.upper > effect.lower).any()), zero_between(cube, response, factor, effect.level)
     with drawing(3.5, 2.6) as (figure, axes):
@@ -310,7 +314,7 @@ def _band_chart(
                 axes.plot(levels, edge, color="#6f9cc6", lw=0.8, ls="--")
         axes.plot(levels, mean, color=COLOURS[0], marker="o", markevery=marked)
         axes.set_ylim(*limits)
-        factor_ticks(axes, effect.level)
+        factor_ticks(axes, effect.level, log)
         axes.set_xlabel(axis_label(cube, factor))
         axes.set_ylabel(response.axis.replace(" of the thrust force", ""))
     data = pd.DataFrame(
@@ -328,6 +332,6 @@ def _band_chart(
     else:
         groups = f"{effect.mean.size} classes of neighbouring points" if effect.sampled else "the points of each value"
         caption = f"{label}mean{' and quartiles (band)' if spread else ''} of {groups}."
-    caption = caption.removesuffix(".") + _zero_text(response, cube, factor, zero) + "."
+    caption = caption.removesuffix(".") + _LOG_AXIS * log + _zero_text(response, cube, factor, zero) + "."
     title = f"{_capital(response)} over {factor_label(cube, factor)}"
     return Chart(f"{response.key}-{factor}", title, caption, figure, data)

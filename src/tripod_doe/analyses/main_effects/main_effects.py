@@ -15,8 +15,8 @@ points that finished, whatever the design was called.
 Where none holds, as for lists of points in which factors change together, the design does not separate the factor.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -142,6 +142,7 @@ class FactorEffect:
     averaged: tuple[str, ...] = ()
     held: Mapping[str, object] = field(default_factory=dict)
     fit: Fit | None = None  # the regression, if the effect is based on it
+    logarithmic: bool = False  # whether that is over its logarithm
     # why the design does not separate the factor
     separation: Separation = field(default_factory=lambda: Separation(True))
 
@@ -158,13 +159,16 @@ class FactorEffect:
         return self.ground is Ground.STEPS and self.numeric and min(self.rising, self.falling) > 0
 
 
-def factor_effects(columns: Mapping[str, Column], response: FloatArray, error: float = 0.0) -> list[FactorEffect]:
+def factor_effects(
+    columns: Mapping[str, Column], response: FloatArray, error: float = 0.0, logarithmic: Collection[str] = ()
+) -> list[FactorEffect]:
     """The effect of each factor that varies, on the best ground that the points give.
 
     Args:
         columns: Values of the factors at the points that finished, shape (point,) each: numbers or words.
         response: Finite values, shape (point,).
         error: Difference up to which two values are equal within their numerical error; at least rounding is assumed.
+        logarithmic: Factors with a logarithmic scale, all above 0: regressions are over their logarithms.
     """
     levels = {name: np.unique(column, return_inverse=True) for name, column in columns.items()}
     varying = {name: columns[name] for name, (distinct, _) in levels.items() if distinct.size > 1}
@@ -173,6 +177,7 @@ def factor_effects(columns: Mapping[str, Column], response: FloatArray, error: f
     error = max(error, _ROUNDING * float(np.abs(response).max()))
     codes = np.stack([levels[name][1] for name in varying], axis=1).astype(np.int64)
     settings, own_codes = setting_of_others(codes), dict(zip(varying, codes.T, strict=True))
+    on_scale = {name: np.log(column) if name in logarithmic else column for name, column in varying.items()}
     effects = []
     for at, name in enumerate(varying):
         compared = compare_settings(settings[:, at], codes[:, at], response)
@@ -188,7 +193,9 @@ def factor_effects(columns: Mapping[str, Column], response: FloatArray, error: f
         else:
             with one_thread():
                 rows = one_of_each_block(np.delete(settings, at, axis=1))
-                effects.append(_by_regression(name, varying, own_codes, response, error, rows))
+                effect = _by_regression(name, on_scale, own_codes, response, error, rows)
+            log = name in logarithmic
+            effects.append(replace(effect, level=np.exp(effect.level), logarithmic=True) if log else effect)
     return effects
 
 

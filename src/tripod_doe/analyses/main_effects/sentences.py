@@ -9,7 +9,7 @@ from tripod_doe.analyses.main_effects.curve_shape import Shape
 from tripod_doe.analyses.main_effects.main_effects import FactorEffect, Ground, factor_effects
 from tripod_doe.analyses.main_effects.regression import Separation
 from tripod_doe.analyses.main_effects.wording import EffectWording, at_head
-from tripod_doe.page_parts.main_results import Response, point_columns
+from tripod_doe.page_parts.main_results import Response, logarithmic_factors, point_columns
 from tripod_doe.page_parts.words import factor_label, listed
 
 _MINOR = 0.05  # change over the range of the response below which a factor shares one sentence with others
@@ -18,7 +18,8 @@ _MINOR = 0.05  # change over the range of the response below which a factor shar
 def effects_on(response: Response, cube: xr.Dataset) -> list[FactorEffect]:
     """The effects of all factors that vary over the points with a number."""
     rows = np.isfinite(response.values.values)
-    return factor_effects(point_columns(cube, rows), response.values.values[rows].astype(float), response.error)
+    values = response.values.values[rows].astype(float)
+    return factor_effects(point_columns(cube, rows), values, response.error, logarithmic_factors(cube))
 
 
 def find_effects(response: Response, cube: xr.Dataset, effects: Sequence[FactorEffect]) -> Iterator[str]:

@@ -75,10 +75,13 @@ def _about_zero(levels: FloatArray, extreme: FloatArray) -> bool:
     return bool(np.isin(extreme, (levels[levels < 0].max(), levels[levels > 0].min())).all())
 
 
-def _class_ends(levels: FloatArray, inside: FloatArray) -> FloatArray:
+def _class_ends(effect: FactorEffect, inside: FloatArray) -> FloatArray:
     """The ends of neighbouring classes with these means, halfway to the means of the next ones, shape (2,)."""
+    levels = effect.level.astype(float)
     first, last = (int(np.flatnonzero(levels == end)[0]) for end in inside[[0, -1]])
-    return np.array([(levels[first - 1] + levels[first]) / 2, (levels[last] + levels[last + 1]) / 2])
+    places = np.log(levels) if effect.logarithmic else levels
+    ends = np.array([places[first - 1] + places[first], places[last] + places[last + 1]]) / 2
+    return np.exp(ends) if effect.logarithmic else ends
 
 
 def _digits(effect: FactorEffect, one: float, other: float) -> int:
@@ -249,7 +252,7 @@ class EffectWording:
         levels, curve = effect.level.astype(float), effect.mean
         inside = extreme_levels(levels, curve, effect.shape, effect.error)
         classes = effect.ground is Ground.REGRESSION
-        edges = _class_ends(levels, inside) if classes else inside[[0, -1]]
+        edges = _class_ends(effect, inside) if classes else inside[[0, -1]]
         if effect.shape is Shape.VALLEY:
             if classes and effect.factor in self.response.zero_at and edges[0] < 0 < edges[1]:
                 return self._from_zero(effect, ~np.isin(levels, inside))
@@ -402,7 +405,8 @@ class EffectWording:
             text.append(f"{verb} with {self._signed(effect)}, by {self._estimate(trend)} over its range")
         if bend.sure:
             place = "above" if bend.value > 0 else "below"
-            text.append(f"is curved over {label}: the ends lie {self._estimate(bend)} {place} the middle")
+            scale = " of its logarithmic scale" * effect.logarithmic
+            text.append(f"is curved over {label}: the ends lie {self._estimate(bend)} {place} the middle{scale}")
         return (
             f"By regression on all factors, {self.name} {', and '.join(text)} (95 % interval, "
             f"{effect.settings:,} {'independent ' * (effect.settings < effect.of_settings)}points)."
@@ -446,7 +450,8 @@ class EffectWording:
     def unseen(self, effects: list[FactorEffect]) -> str:
         """Factors whose effect does not exceed the scatter."""
         most = max(max(effect.fit.trend.most, effect.fit.bend.most) for effect in effects if effect.fit)
-        labels, points = [factor_label(self.cube, effect.factor) for effect in effects], effects[0].settings
+        points, scale = effects[0].settings, " (logarithmic scale)"
+        labels = [factor_label(self.cube, effect.factor) + scale * effect.logarithmic for effect in effects]
         if most <= _ROUNDING * self.span:
             head = at_head(self.cube, [effect.factor for effect in effects])
             return (

@@ -60,6 +60,7 @@ INTERVALS: dict[str, Any] = {"fmt": "none", "ecolor": INK, "elinewidth": 1.1, "c
 WIDE = 6.0
 """Width in inches above which a chart does not share a row of a page with others."""
 
+_DECADES = 30  # ratio of the ends of a logarithmic axis from which powers of ten are ticks enough
 _OWN_TICKS = 5
 _LABEL_GAP = 4.0  # least distance of two tick labels, in pixels
 _MOST_DRAWN = 2_000  # markers or cells above which they are an image in the figure, so that it stays small
@@ -235,21 +236,30 @@ def panels(count: int, columns: int, width: float, height: float) -> Iterator[tu
         yield figure, list(grid.ravel()[:count])
 
 
-def factor_ticks(axes: Axes, levels: NDArray[Any]) -> None:
-    """Ticks of a factor along the bottom: its values, ascending, if they are few, else about five round numbers."""
+def factor_ticks(axes: Axes, levels: NDArray[Any], logarithmic: bool = False) -> None:
+    """Ticks of a factor along the bottom: its values, ascending, if they are few, else about five round numbers.
+
+    Args:
+        logarithmic: Whether the axis is logarithmic; it then has ticks at powers of ten if it spans several.
+    """
+    if logarithmic:
+        axes.set_xscale("log")
     if levels.size <= _OWN_TICKS:
+        axes.minorticks_off()
         axes.set_xticks(levels, [texts.replace("-", "\N{MINUS SIGN}") for texts in levels_apart(levels)])
         axes.set_xticks(levels, _labels_apart(axes, levels))
-    else:
-        from matplotlib.ticker import MaxNLocator
+    elif not logarithmic or levels[-1] < _DECADES * levels[0]:
+        from matplotlib.ticker import MaxNLocator, NullFormatter, StrMethodFormatter
 
         axes.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+        if logarithmic:
+            axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _labels_apart(axes: Axes, levels: NDArray[Any]) -> list[str]:
     """The tick labels at these levels; a label that would overlap another moves to a lower line."""
-    low, high = axes.get_xlim()
-    places = (levels - low) / (high - low) * axes.get_window_extent().width
+    places = axes.transData.transform(np.stack([levels, 0 * levels], axis=1))[:, 0]
     texts, ends = [], list[float]()  # where the next label of each line may start
     for place, label in zip(places, axes.get_xticklabels(), strict=True):
         width = label.get_window_extent().width

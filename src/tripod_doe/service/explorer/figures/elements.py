@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.model_interface import OUTCOME_MEANINGS, Outcome
+from tripod_doe.page_parts.main_results import spaced_by_ratios
 from tripod_doe.page_parts.words import spoken, unit_text, with_brackets
 from tripod_doe.quantities import level, with_unit
 
@@ -34,8 +35,6 @@ SEQUENTIAL = (
     (1.0, "#fbe183"),
 )
 """Colour scale of heat maps: darker is less, also for readers who do not see colours."""
-
-_LEAST_RATIO = 8.0  # geometric levels whose largest to smallest ratio exceeds this get a logarithmic axis
 
 
 def packed(values: NDArray[Any]) -> dict[str, str] | list[Any]:
@@ -76,22 +75,14 @@ def label_of(variable: xr.DataArray) -> str:
 
 
 def axis(coordinate: xr.DataArray, **more: Any) -> dict[str, Any]:
-    """An axis along a coordinate: logarithmic for geometric levels, categorical for words."""
+    """An axis along a coordinate: logarithmic for levels by ratios, categorical for words."""
     values = coordinate.values
     kind = (
         {"type": "category"}
         if values.dtype.kind not in "fiub"
-        else {"type": "log" if _by_factors(values) else "linear"}
+        else {"type": "log" if spaced_by_ratios(values) else "linear"}
     )
     return {"title": {"text": label_of(coordinate)}, "automargin": True} | kind | more
-
-
-def _by_factors(values: NDArray[Any]) -> bool:
-    levels = np.unique(values.astype(float))
-    if levels.size < 3 or not levels[0] > 0 or levels[-1] / levels[0] < _LEAST_RATIO:
-        return False
-    ratios = levels[1:] / levels[:-1]
-    return bool(np.ptp(ratios) < 0.05 * ratios.mean())
 
 
 def colour_bar(label: str) -> dict[str, Any]:
