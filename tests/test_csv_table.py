@@ -23,6 +23,27 @@ def test_encodings_of_spreadsheets(tmp_path, encoding):
     assert read_csv_table(tmp_path / "t.csv", "t") == (["file", "Öl"], {2: ["Welle_ä.csv", "60 °C"]})
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# made by a script, today\n\na,b\n1,x\n2,y\n",
+        "# made by a script, today\n# a,b\n1,4\n2,5\n",
+        "#a;b\n1,5;4\n2;5\n",
+        "a,b\n#1,4\n2,5\n",  # a row, as is any below the header
+    ],
+)
+def test_comments_above_the_header(tmp_path, text):
+    (tmp_path / "t.csv").write_text(text)
+    header, rows = read_csv_table(tmp_path / "t.csv", "t.csv")
+    assert header == ["a", "b"]
+    assert len(rows) == 2
+
+
+def test_a_column_may_be_called_by_a_number_sign(tmp_path):
+    (tmp_path / "t.csv").write_text("#,file\n1,a.csv\n")
+    assert read_csv_table(tmp_path / "t.csv", "t.csv") == (["#", "file"], {2: ["1", "a.csv"]})
+
+
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 @pytest.mark.parametrize("first", ["sep=;", '"sep=;"'])
 def test_what_spreadsheets_add(tmp_path, first, end):

@@ -16,9 +16,8 @@ from tripod_doe.errors import InputError, TooLargeError, printable
 from tripod_doe.regular_files import read_regular, text_of
 from tripod_doe.typed_numbers import number_or_text, readings
 
-_ABOVE = re.compile(
-    r"\s*$|\"?sep=.\"?\r?$", re.I
-)  # a line above the header: empty, or the separator that Excel is to take
+_ABOVE = re.compile(r"\s*(?:$|#(?![,;\t]))|\"?sep=.\"?\r?$", re.I)
+"""A line above the header: empty, a comment, or the separator that Excel is to take."""
 _FORMULA = re.compile(r"[=+\-@\t\r]")  # how a spreadsheet takes a cell for one
 
 
@@ -26,7 +25,8 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
     """Read the header and, by their lines in the file, the rows of a table, without spaces around the fields.
 
     Args:
-        path: The file, in any encoding of `text_of`. Empty lines in it are skipped, and empty columns at the end.
+        path: The file, in any encoding of `text_of`. Empty lines in it are skipped, as are comments (#) above
+            the header, and empty columns at the end.
         where: The file or key that names the table, for messages.
         most: Rows that may be there; reading ends with the first one beyond. None without a limit.
 
@@ -42,7 +42,7 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
     except (OSError, InputError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(f"{where}: cannot read {path}: {reason}") from error
-    above = next((at for at, line in enumerate(lines) if not _ABOVE.match(line)), len(lines))
+    above = _header_line(lines)
     separator = max(",;\t", key="".join(lines[above : above + 1]).count)
     reader = csv.reader(lines[above:], delimiter=separator, strict=True)
     try:
@@ -64,6 +64,17 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
         if len(row) != len(header):
             raise InputError(f"{where}: line {line} has {len(row)} fields, the header {len(header)}")
     return header, rows if separator == "," else _with_points(header, rows, where)
+
+
+def _header_line(lines: list[str]) -> int:
+    """Index of the header; where numbers follow comments, the last of these is the header, without its #."""
+    first = next((at for at, line in enumerate(lines) if not _ABOVE.match(line)), len(lines))
+    if first == len(lines) or not lines[first - 1].lstrip().startswith("#"):
+        return first
+    if not all(readings(field.strip()) for field in re.split("[,;\t]", lines[first]) if field.strip()):
+        return first
+    lines[first - 1] = lines[first - 1].lstrip().lstrip("#").lstrip()
+    return first - 1
 
 
 def _empty_at_the_end(row: list[str]) -> int:

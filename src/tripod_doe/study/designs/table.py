@@ -74,7 +74,7 @@ def _cell(parameter: Parameter, text: str) -> Value:
     except ValueError:
         if parameter.kind == "argument":
             return parameter.check(text)
-        raise
+        raise InputError(f"{text!r} is no number; below the header each line is a point") from None
     return parameter.check(number)
 
 
