@@ -106,6 +106,23 @@ def test_prices_that_the_study_does_not_say_are_those_of_counted_work():
     assert multifidelity(data)["price"].values == pytest.approx(7.0, abs=3e-4)
 
 
+def test_whole_numbers_that_name_models_are_written_as_in_the_study():
+    """Regression: the pilot's split named a model '27.0', which the study then refused, after all points had run."""
+    text = TEXT.format(seed=1, samples=32, indices="false", more='fidelity = "needle_count"')
+    study = parse_study(
+        text.replace('model = {values = ["kinetostatic", "rollers", "needles"]}', "needle_count = {values = [26, 27]}")
+    )
+    points = make_points(study)
+    levels = points.columns["needle_count"]
+    assert levels.dtype.kind == "f"
+    x = points.columns["joint_angle_deg"]
+    outputs = {"y": ("point", x + 0.1 * x**2 * (levels - 25)), "cpu_seconds": ("point", 1e-3 * levels)}
+    outputs["force_evaluations"] = outputs["outcome"] = ("point", np.full(x.size, int(Outcome.FINISHED)))
+    coords = {name: ("point", column) for name, column in (points.columns | points.labels).items()}
+    split = find_split(xr.Dataset(outputs, coords=coords, attrs={"study": study.text}), study.simulator)
+    assert list(split.samples) == ["27", "26"]
+
+
 def test_the_truth_alone_is_plain_monte_carlo():
     """Exact: mean and unbiased variance of numbers."""
     values = np.random.default_rng(0).exponential(size=(40, 1))

@@ -9,7 +9,7 @@ from pydantic import Field
 from tripod_doe.analyses.bootstrap import deciding
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.multifidelity.estimates import Estimate, estimate
-from tripod_doe.analyses.multifidelity.nested_samples import Ladder, read_ladder
+from tripod_doe.analyses.multifidelity.nested_samples import Ladder, model_names, read_ladder
 from tripod_doe.analyses.multifidelity.quantiles import quantiles
 from tripod_doe.analyses.output_table import (
     OutputTable,
@@ -150,8 +150,8 @@ def outputs_of_all(cube: xr.Dataset, asked: list[str]) -> list[str]:
     Raises:
         InputError: If a model does not give a requested output.
     """
-    fidelity = parse_file(cube.attrs["study"], "the study in the cube").design.fidelity
-    models, finished = cube[fidelity].values.astype(str), cube["outcome"].values == Outcome.FINISHED
+    models = model_names(cube, parse_file(cube.attrs["study"], "the study in the cube"))
+    finished = cube["outcome"].values == Outcome.FINISHED
     names = []
     for name in chosen_outputs(cube, asked):
         if "rotation_deg" in cube[name].dims:

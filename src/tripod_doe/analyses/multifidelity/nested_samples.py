@@ -51,6 +51,14 @@ def known_candidates(file: StudyFile) -> Sequence[Candidate]:
     return () if file.study.function else load_simulator(file.study.scene, None).candidates
 
 
+def model_names(cube: xr.Dataset, file: StudyFile) -> NDArray[np.str_]:
+    """The model of each point as its study writes it, shape (point,): a cube stores a level 3 as 3.0."""
+    fidelity = file.design.fidelity
+    listed = file.factors[fidelity].values if fidelity in file.factors else None
+    written = {value: str(value) for value in listed or ()}
+    return np.array([written.get(value, str(value)) for value in cube[fidelity].values.tolist()])
+
+
 FEWEST = 16
 """Samples of the truth below which intervals miss their stated confidence."""
 
@@ -113,7 +121,7 @@ def read_ladder(cube: xr.Dataset, settings: PointSettings, outputs: Sequence[str
         raise InputError(f"this analysis needs a multifidelity design, the cube's is {design.kind}")
     groups = factor_groups(random_factors(design, file.factors))
     block = FAMILIES[design.kind].block(design, len(groups))
-    models = cube[design.fidelity].values.astype(str).reshape(-1, block)[:, 0]
+    models = model_names(cube, file).reshape(-1, block)[:, 0]
     numbers = cube[SAMPLE].values.reshape(-1, block)[:, 0]
     failed = np.asarray(~usable_points(cube, outputs)).reshape(-1, block)
     names = list(dict.fromkeys(models.tolist()))  # the truth first, as the design lists them
