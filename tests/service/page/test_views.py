@@ -591,7 +591,7 @@ def test_a_study_that_runs_is_explored_as_far_as_it_is(folders, tmp_path):
     assert figure(str(tmp_path / "out"), view, None) == figure(str(folders["grid"]), view, None)
     shutil.rmtree(tmp_path / "out")
     (tmp_path / "out").mkdir()
-    with pytest.raises(InputError, match=r"no cube|no point has finished yet"):
+    with pytest.raises(InputError, match="no cube"):
         explore(str(tmp_path / "out"), view, "x")
 
 

@@ -170,6 +170,16 @@ def test_a_run_that_was_stopped_before_its_results_goes_on_with_those_of_the_com
     assert service.runs.resume(run_id).state is State.QUEUED
 
 
+def test_a_run_that_was_stopped_before_its_start_takes_a_larger_study(service, tmp_path):
+    """Regression: the price of that study left a journal, so that the run was not found any more, and never ran."""
+    (tmp_path / "upload").mkdir()
+    (tmp_path / "upload" / "study.toml").write_text("[study]\n")
+    run_id = service.runs.submit(tmp_path / "upload", PLAN).id
+    service.runs.stop(run_id)
+    begun(service.directory(run_id), "study")  # as ResultDirectory, of which the price asks what is missing
+    assert service.runs.resume(run_id).state is State.QUEUED
+
+
 def test_no_note_is_written_beside_or_read_from_the_results_of_another_run(service, tmp_path):
     """Regression: the name for a run went into the directory that had taken its place, and its note to the link."""
     run_id, place = at_work(service, tmp_path)

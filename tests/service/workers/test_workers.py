@@ -22,6 +22,7 @@ from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.workers import worker_pool
 from tripod_doe.service.workers.forking import start_process, start_program
+from tripod_doe.service.workers.worker import _reply
 from tripod_doe.service.workers.worker_pool import (
     AllBusyError,
     ClientLeftError,
@@ -104,6 +105,14 @@ def test_questions_hear_that_the_server_ends(pool):
     assert heard == [ServerEndsError] * 3
     with pytest.raises(ServerEndsError):
         works(pool)
+
+
+def test_what_has_no_results_yet_is_not_found(tmp_path):
+    """Regression: 422, "run a study with out=", and for the step of a workflow "there is no such file"."""
+    for path in (tmp_path, tmp_path / "steps" / "map", tmp_path / "front.nc"):
+        for question, more in (("workers.answers:describe", {}), ("explorer.answers:extremes", {"order": 3})):
+            kind, (status, (problem,)) = _reply(question, {"path": str(path)} | more, False)
+            assert (kind, status, problem.message) == ("refused", 404, "nothing has finished here yet")
 
 
 @pytest.mark.parametrize("name", ["greedy", "deep"])

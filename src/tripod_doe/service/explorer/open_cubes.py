@@ -8,7 +8,6 @@ from pathlib import Path
 import xarray as xr
 
 from tripod_doe.checksum_list import number_in
-from tripod_doe.errors import CubeError
 from tripod_doe.regular_files import version_of
 from tripod_doe.service.explorer.candidates import as_points
 from tripod_doe.study.cube.file_checks import analysis_files, refuse_unfit
@@ -32,7 +31,7 @@ def opened(path: str | Path) -> Iterator[xr.Dataset]:
     While a study runs, this is its cube so far, assembled again after each finished block.
 
     Raises:
-        CubeError: If no point has finished, or the files are damaged.
+        CubeError: If nothing has finished (`NoResultsError`), or the files are damaged.
     """
     place = Path(path)
     state, files = _checked(place)
@@ -67,8 +66,6 @@ def _checked(place: Path) -> tuple[tuple[object, ...], list[Path]]:
     if newest := unshown_state(place):  # another journal, or one whose study was changed, may hold as many blocks
         return (newest, number_in(journal_path(place)), _state_of(place / STORED)), []
     files = cube_files(place)
-    if not all(file.exists() for file in files):
-        raise CubeError(f"{place.name}: no point has finished yet")
     for file in files:
         refuse_unfit(file)
     return (), files

@@ -153,12 +153,15 @@ def is_exchanged(run: Run, directory: Path) -> bool:
 
 
 def _is_begun_by_hand(run: Run, directory: Path) -> bool:
-    """Whether the results in a directory are of what was submitted there: the command line began it."""
+    """Whether the results in a directory are of what was submitted there: the command line began it, or none are there.
+
+    The price of a larger study, or a formula, makes the journal of a run that was stopped before it started.
+    """
     if run.kind == "workflow":  # steps of other studies are made again
         return {step.get("name") for step in read_steps(directory)} <= run.plan["steps"].keys()
     try:
         if run.kind == "study":
-            return (directory / STUDY).is_file() and not is_another_study(directory)
+            return not is_another_study(directory)
         return read_regular(directory / UPLOAD / main_file(run.kind)) == read_regular(directory / _COPIES[run.kind])
     except (OSError, InputError):  # one of them is missing, or no file
         return False

@@ -22,6 +22,7 @@ from typing import Any
 from tripod_doe.errors import InputError, StorageError, TripodDoeError
 from tripod_doe.service.problems import Problem, RefusedError, refusal_of
 from tripod_doe.service.workers.forking import lead_group, limit_memory
+from tripod_doe.study.result_directory.open_cube import NoResultsError
 
 _LONGEST_TRACEBACK = 8_000
 _OF_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
@@ -55,6 +56,8 @@ def _reply(place: str, arguments: dict[str, Any], as_json: bool) -> Reply:
         return "answer", json.dumps(answer, allow_nan=False).encode() if as_json else answer
     except RefusedError as error:
         return _refused(error)
+    except NoResultsError:  # its advice is for the command line
+        return _refused(RefusedError(404, "nothing has finished here yet"))
     except InputError as error:
         return _refused(refusal_of(error, {}))
     except (MemoryError, RecursionError) as error:

@@ -24,6 +24,11 @@ if TYPE_CHECKING:  # a query reads cubes without xarray
 
 _Results = TypeVar("_Results")
 
+
+class NoResultsError(CubeError):
+    """Nothing has finished in a place yet."""
+
+
 FIT_FILE = "fit.nc"
 """File of a result directory with the result of a fit, which has no cube of its own."""
 
@@ -140,16 +145,18 @@ def cube_files(path: Path) -> list[Path]:
     Of the directory of a fit it is the fit.
 
     Raises:
-        CubeError: If a directory holds no cube.
+        NoResultsError: If nothing is there, or a directory holds no cube.
     """
     if not path.is_dir():
+        if not path.exists():
+            raise NoResultsError(f"{path}: there is no such file")
         return [path]
     if not (path / "cube.nc").exists():
         if (path / FIT_FILE).exists():
             return [path / FIT_FILE]
         out = option("out", str(path))
         reason = _other_kind(path) or f"no cube.nc and no finished point in this directory; run a study with {out}"
-        raise CubeError(f"{path}: {reason}")
+        raise NoResultsError(f"{path}: {reason}")
     return [path / "cube.nc", *(file for file in [path / "cost.nc"] if file.exists())]
 
 
