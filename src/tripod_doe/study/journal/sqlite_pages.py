@@ -59,17 +59,17 @@ def _copy_pages(path: Path, copy: Path, log_only: bool) -> list[int]:
     Pages with rows of the log come at the end, since remains of an earlier log may follow newer ones; others that rows
     need never change.
     """
-    first, frames = copy.read_bytes()[:PAGE_BYTES], _frames(path)
+    tables, frames = copy.read_bytes(), _frames(path)
     if not log_only:
         shutil.copyfile(path, copy)
-    count = -(-path.stat().st_size // PAGE_BYTES) + len(frames)
+    count = -(-max(path.stat().st_size, len(tables)) // PAGE_BYTES) + len(frames)
     with copy.open("r+b") as stream:
 
         def is_leaf(number: int) -> bool:
             stream.seek((number - 1) * PAGE_BYTES)
             return stream.read(1) == bytes([_LEAF])
 
-        stream.write(first)
+        stream.write(tables[:PAGE_BYTES])
         leaves = [] if log_only else [number for number in range(2, count + 1) if is_leaf(number)]
         for number, page in frames:
             if page[0] == _LEAF:
