@@ -946,3 +946,15 @@ def test_followers_of_listed_whole_numbers(solve):
     variables["x"]["values"] = ["a", "b"]
     with pytest.raises(InputError, match=r"\[variables.s\]: .*unknown name 'x'"):
         solve("slope", variables, {"f": {"output": "f"}})
+
+
+@pytest.mark.parametrize(
+    ("tables", "refusal"),
+    [
+        ({"base": {"x": "wide"}}, r"\[base\]: x = 'wide': \[variables.x\] has numbers"),
+        ({"at": {"s": [0, 1]}}, r"\[at\]: s = \[0, 1\]: write a table of it, \[at.s\] values = \[...\]"),
+    ],
+)
+def test_tables_of_the_wrong_kind_are_refused(solve, tables, refusal):  # regression: internal errors
+    with pytest.raises(InputError, match=refusal):
+        solve("slope", {"x": {"low": 0, "high": 3}}, {"f": {"output": "f"}}, **tables)

@@ -63,6 +63,8 @@ def operating_points(request: OptimisationRequest, parameters: Mapping[str, Para
 def _grid(request: OptimisationRequest, tables: Mapping[str, Any]) -> list[dict[str, Value]]:
     lists: dict[str, list[Any]] = {}
     for name, table in tables.items():
+        if not isinstance(table, dict):
+            raise InputError(f"{name} = {table!r}: write a table of it, [at.{name}] values = [...]")
         try:
             lists[name] = list(AtTable.model_validate(table).values)
         except ValidationError as error:

@@ -290,6 +290,9 @@ def make_problem(request: OptimisationRequest) -> Problem:
     variables = make_variables(request, simulator, base, varied)
     model, confirm = _models(request, simulator, base, [*variables.names, *operating.names])
     start = {each.name: _start_value(each.name, base, simulator, each) for each in variables.chosen}
+    for each in variables.chosen:
+        if not each.levels and isinstance(start[each.name], str):
+            raise request.fail("[base]", f"{each.name} = {start[each.name]!r}: [variables.{each.name}] has numbers")
     fixed = {
         name: value for name, value in base.items() if name not in {*variables.names, *varied, _MODEL * bool(model)}
     }
