@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 
 import numpy as np
@@ -52,6 +53,17 @@ def computed(points, **options):
         blocks = list(place.run(points, points.without([])))
     cube, _ = build_cube(points.study, points.points, points.keys, iter(blocks))
     return cube, [block.worker for block in blocks]
+
+
+@pytest.mark.parametrize("options", [{}, {"workers": 1}])
+def test_a_function_of_a_script_is_refused_where_workers_would_run_it(workers, monkeypatch, options):
+    """Regression: workers started, and said that it is not there; a name of their own was proposed."""
+    monkeypatch.setattr(sys.modules["__main__"], "doubled", lambda x: {"y": 2 * x}, raising=False)
+    points = asked('[study]\nname = "s"\nfunction = "__main__:doubled"\n[factors.x]\nvalues = [1, 2]\n')
+    with pytest.raises(td.InputError, match=r"no function of a script or notebook: give workers=0"):
+        computed(points, **options)
+    assert workers.started == 0
+    assert computed(points, workers=0)[0]["y"].values.tolist() == [2, 4]
 
 
 def test_a_small_study_starts_no_workers(workers):

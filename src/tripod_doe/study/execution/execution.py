@@ -85,12 +85,17 @@ class Execution:
         A block that ends its process (three times, for a worker) is halved until a single point is left; its outcome
         is worker_lost. In this process that holds only for a point that asks Python to exit: a crash ends the command,
         and the next run of the study is careful.
+
+        Raises:
+            InputError: If a function of a script or a notebook is to run on workers.
         """
         self.seconds = 0.0
         study = asked.study
         seconds = _REMOTE_SECONDS if self._scheduler else _SECONDS
         queue = BlockQueue(missing, study.file.run.block, seconds, asked.kinds(missing))
         starts_here = self._starts_here(careful or study.file.study.function is not None)
+        if not starts_here:
+            _refuse_function_of_script(study)
         study.simulator.prepare(asked.columns(asked.of_each_kind(missing)))
         if not starts_here:
             self._workers.start(study)
@@ -159,6 +164,15 @@ class Execution:
 
             self._dask = DaskWorkers(self._wanted or _USUAL_WORKERS, self._scheduler)
         return self._dask
+
+
+def _refuse_function_of_script(study: Study) -> None:
+    """Refuse (InputError) a function that worker processes cannot import."""
+    function = study.file.study.function or ""
+    if function.startswith("__main__:"):
+        remedy = f"give {option('workers', 0)}, which runs it in this process, or write it into a module"
+        reason = f"function = {function!r}: workers have no function of a script or notebook: {remedy}"
+        raise study.fail("[study]", reason)
 
 
 def _at_most_processors(workers: int) -> int:
