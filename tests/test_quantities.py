@@ -20,6 +20,7 @@ from tripod_doe.quantities import (
     number,
     numbers_in_words,
     pace,
+    r2_text,
     rounded_down,
     rounded_up,
     size,
@@ -53,6 +54,15 @@ from tripod_doe.quantities import (
 )
 def test_three_significant_digits(value, text):
     assert number(value) == text
+
+
+@pytest.mark.parametrize(
+    ("r2", "text"),
+    [(0.99996, "> 0.9999"), (1.0, "> 0.9999"), (0.99989, "= 0.9998"), (0.5, "= 0.5000"), (0.0, "= 0.0000")],
+)
+def test_r2_below_one_does_not_read_one(r2, text):
+    """Regression: "R2 1" for 0.99996."""
+    assert r2_text(r2) == text
 
 
 def test_given_values_keep_their_digits():

@@ -141,6 +141,11 @@ def value_with_ends(value: float, low: float, high: float, unit: str = "") -> st
     return f"{with_unit(number(value, digits), unit)} ({value_range(low, high)})"
 
 
+def r2_text(r2: float) -> str:
+    """A share of explained variation, rounded down so that one below 1 does not read 1: ``= 0.9873``, ``> 0.9999``."""
+    return "> 0.9999" if r2 > 0.9999 else f"= {math.floor(r2 * 1e4) / 1e4:.4f}"
+
+
 def numbers_in_words(numbers: Iterable[int]) -> str:
     """Whole numbers in growing order, with runs of three and more by their ends: ``1, 4 to 9 and 12``."""
     runs: list[list[int]] = []

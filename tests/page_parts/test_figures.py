@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from itertools import pairwise
 
 import numpy as np
@@ -325,3 +326,13 @@ def test_a_grid_of_many_levels_is_no_sample():
     cube = sampled(301)
     values = [row.value for row in factor_rows(cube)]
     assert all(value.endswith("(301 values)") for value in values)
+
+
+def test_characters_that_no_font_has_are_not_printed():
+    """Regression: the warning of matplotlib held the escape character of a factor's word, and a terminal obeyed it."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        with drawing(3, 2) as (figure, axes):
+            axes.set_xlabel("a\x1b[31mb")
+        Chart("n", "t", "c", figure, pd.DataFrame({"a": [1]})).svg()
+    assert not caught

@@ -8,6 +8,7 @@ from typing import Any
 import xarray as xr
 from pydantic import BaseModel, ValidationError
 
+from tripod_doe.analyses.contribution.contribution import ContributionSettings
 from tripod_doe.analyses.registry import ANALYSES, Analysis
 from tripod_doe.analyses.sensitivity.method import DEPENDENT
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, check_tolerance
@@ -58,7 +59,8 @@ def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -
         raise study.fail(where, error) from error
     for output in getattr(settings, "outputs", ()):
         if study.keep and output not in (*study.keep, *(response.name for response in study.responses)):
-            raise study.fail(where, f"outputs: {_not_kept(output, study)}")
+            key = "outputs" if not isinstance(settings, ContributionSettings) else settings.key_of(output)
+            raise study.fail(where, f"{key}: {_not_kept(output, study)}")
     return analysis, settings
 
 

@@ -420,7 +420,7 @@ def test_the_joint_has_all_its_shares(tmp_path):
         ),
         (
             '[design]\nkind="ablation"\n[keep]\noutputs=["thrust_amplitude"]\n[analysis.contribution]',
-            "'thrust_phase_deg' is not kept; add it",
+            r"\[analysis.contribution\]: phase: 'thrust_phase_deg' is not kept; add it",
         ),
         (
             '[design]\nkind="morris"\nsamples=4\n[factors.joint_angle_deg]\nlow=4\nhigh=9\n[analysis.morris]\noutputs=["thrust_amplitude_3"]',

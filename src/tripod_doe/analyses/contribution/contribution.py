@@ -80,6 +80,10 @@ class ContributionSettings(Table):
         """Outputs that the study must keep."""
         return [self.output] + ([self.phase_name] if self.phase_name else [])
 
+    def key_of(self, output: str) -> str:
+        """The key that names an output of `outputs`, or would."""
+        return "output" if output == self.output else "phase"
+
     @property
     def part_names(self) -> tuple[str, ...]:
         """Variables with amplitude and phase of the parts of an amplitude; none for an output without a phase."""

@@ -8,7 +8,7 @@ import xarray as xr
 from tripod_doe.analyses.sensitivity.sentences import nothing_varies
 from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs
 from tripod_doe.page_parts.words import listed, spoken
-from tripod_doe.quantities import count_of, interval, number, squared, with_unit
+from tripod_doe.quantities import count_of, interval, number, r2_text, squared, with_unit
 
 _MOST_NAMED = 4
 _SURE = 0.05  # largest probability by chance of an effect that a sentence names
@@ -50,7 +50,7 @@ def find_in_effects(result: xr.Dataset, name: str) -> list[str]:
         weak = f"; {count_of(len(rows) - len(sure), 'term')} not significant" if len(sure) < len(rows) else ""
         saturated = int(result.attrs["degrees_of_freedom"]) == 0  # R2 is one, whatever the terms
         known = np.isfinite(part["r_squared"]) and not saturated
-        explained = f", R2 {number(float(part['r_squared']), 4)}" if known else ""
+        explained = f", R2 {r2_text(float(part['r_squared']))}" if known else ""
         if text:
             sentences.append(f"{_largest(what, text)}{weak}{explained} (analysis {name}).")
         elif saturated and rows:

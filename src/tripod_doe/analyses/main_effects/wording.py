@@ -22,6 +22,7 @@ from tripod_doe.quantities import (
     interval,
     level,
     number,
+    r2_text,
     rounded_up,
     text_range,
     with_unit,
@@ -241,7 +242,7 @@ class EffectWording:
         r2 = own_r2 if proportional else straight
         exact = r2 > _EXACT
         fit = "R2 of these means" if effect.ground is Ground.REGRESSION else "R2"
-        fit += f" > {_EXACT}" if exact else f" = {math.floor(r2 * 1e4) / 1e4:.4f}"
+        fit += f" {r2_text(r2)}"
         if proportional:
             per = f"{self.change(through * step)} per {one}"
             return f"{self.start} is {'' if exact else 'nearly '}proportional to {label}: {per} ({over}; {fit})"

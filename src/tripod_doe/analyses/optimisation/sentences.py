@@ -103,18 +103,20 @@ def _at_rest(problem: Problem, solved: Solved, of: str, course: FloatArray) -> l
 def _last_gain(problem: Problem, course: FloatArray) -> str:
     """How much the last quarter of the candidates improved the best one."""
     last = max(len(course) // 4, 1)
+    these = f"the last {last:,}" if last > 1 else "the last one"
     before, final = float(course[-last - 1]) if len(course) > last else np.nan, float(course[-1])
     if not np.isfinite(before):
-        return f"the first feasible one is among the last {last:,}, so others may be much better"
+        return f"the first feasible one is {'among ' * (last > 1)}{these}, so others may be much better"
     if final == before:
         return (
-            f"none of the last {last:,} is better than earlier ones, but a better joint may exist nearby or elsewhere"
+            f"{f'none of {these} is' if last > 1 else f'{these} is not'} better than earlier ones, but a better joint "
+            "may exist nearby or elsewhere"
         )
     if objective_is_level(problem, 0) or before * final <= 0:
         change = objective_change(problem, 0, final - before)
     else:
         change = f"{change_text(100 * (final - before) / abs(before))} %"
-    return f"the last {last:,} changed the best value by {change}, and others may change it by as much or more"
+    return f"{these} changed the best value by {change}, and others may change it by as much or more"
 
 
 def _nearness(problem: Problem, value: float) -> tuple[float, str, str]:

@@ -68,8 +68,9 @@ def _what_to_use(data: xr.Dataset, scene: str) -> str:
         best = runs.isel(run=int(within[np.argmin(price[within])]))
         setting = f"{best['setting_kind'].item()} = {level(float(best['setting']))}".replace("_", " ")
         default = "its default" if int(best["is_default"]) == 1 else setting
+        run = ", ".join(filter(None, [best["run_method"].item(), default]))  # a balance has no method
         parts.append(
-            f"{level(100 * target)} % {best['model'].item()} ({best['run_method'].item()}, {default}; "
+            f"{level(100 * target)} % {best['model'].item()} ({run}; "
             f"{number(float(best['cpu_per_second']))} s per simulated second)"
         )
     what = f"the {runs['quantity_meaning'].item()}, by the difference to {finest['case_model'].item()} there"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -159,11 +160,21 @@ def name_rows(axes: Axes, rows: NDArray[np.intp], names: list[str], size: float 
 
 
 @contextmanager
+def _in_style() -> Iterator[None]:
+    """Draw in the common style, without warnings of missing glyphs, which hold control characters as they are."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(_STYLE), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph ", UserWarning)
+        yield
+
+
+@contextmanager
 def styled(name: str) -> Iterator[None]:
     """Draw in the common style; the same name gives the same identifiers in an SVG."""
     import matplotlib as mpl
 
-    with mpl.rc_context({**_STYLE, "svg.hashsalt": name, "pdf.fonttype": 42}):
+    with _in_style(), mpl.rc_context({"svg.hashsalt": name, "pdf.fonttype": 42}):
         yield
 
 
@@ -213,10 +224,9 @@ def _variable(match: re.Match[str]) -> str:
 @contextmanager
 def drawing(width: float, height: float) -> Iterator[tuple[Figure, Axes]]:
     """A figure with one pair of axes, drawn on in the common style; width and height in inches."""
-    import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    with mpl.rc_context(_STYLE):
+    with _in_style():
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure, figure.add_subplot()
 
@@ -224,11 +234,10 @@ def drawing(width: float, height: float) -> Iterator[tuple[Figure, Axes]]:
 @contextmanager
 def panels(count: int, columns: int, width: float, height: float) -> Iterator[tuple[Figure, list[Axes]]]:
     """A figure of several panels that share their axes, in rows; width and height of one panel in inches."""
-    import matplotlib as mpl
     from matplotlib.figure import Figure
 
     rows = -(-count // columns)
-    with mpl.rc_context(_STYLE):
+    with _in_style():
         figure = Figure(figsize=(columns * width, rows * height), layout="constrained")
         grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
         for unused in grid.ravel()[count:]:
