@@ -100,6 +100,13 @@ def test_a_quantile_beyond_the_sample_has_no_bound():
     assert np.isfinite(found["quantile_high"].values).tolist() == [True, False]
 
 
+def test_few_points_of_a_uniform_factor_give_no_warning():
+    """Regression: of 8 points some draws have none within half the scatter, and a division by zero was printed."""
+    text = TEXT.replace("4096", "8").replace('{distribution = "normal", mean = 10, std = 0.3}', "{low = 5, high = 15}")
+    found = tolerance(cube_of(lambda angle, torque, speed: angle + 0 * (torque + speed), text))
+    assert np.isnan(found["gain_of_halving_conf"]).all()
+
+
 def test_a_limit_of_nothing_is_refused():
     cube = cube_of(lambda angle, torque, speed: angle + torque + speed)
     with pytest.raises(InputError, match=r"limits: 'z' is no output"):

@@ -343,7 +343,8 @@ def _no_shift(part: xr.Dataset, names: list[str], tables: Mapping[str, FactorTab
             f"the points lie within the bounds of {listed(list(map(spoken, bounded)))}, and the bounds would shift, too"
         )
     if listed_values:
-        reasons.append(f"{listed(list(map(spoken, listed_values)))} has listed values")
+        has = "has" if len(listed_values) == 1 else "have"
+        reasons.append(f"{listed(list(map(spoken, listed_values)))} {has} listed values")
     if related:
         reasons.append(f"{listed(list(map(spoken, related)))} are correlated")
     if len(bounded) + len(listed_values) + len(related) < len(names):

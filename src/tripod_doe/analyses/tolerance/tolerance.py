@@ -114,7 +114,8 @@ def _gains(
     gain, gain_conf = [], []
     for own in weights:
         drawn = draws * own
-        drawn = drawn / drawn.sum(axis=1, keepdims=True)
+        total = drawn.sum(axis=1, keepdims=True)  # zero where a draw of few points has none within half the scatter
+        drawn = drawn / np.where(total != 0, total, np.nan)
         halved = np.sqrt(np.maximum(drawn @ centred**2 - (drawn @ centred) ** 2, 0))
         part = 1 - halved / np.where(whole > 0, whole, np.nan)
         gain.append(part[0])
