@@ -105,7 +105,7 @@ def _used(function: Any) -> Iterator[bytes]:
     while waiting:
         value = waiting.pop()
         if isinstance(value, _PLAIN):
-            yield repr((type(value), value)).encode()
+            yield value if type(value) is bytes else repr((type(value), value)).encode()
         elif id(value) in seen:
             yield b"%d" % seen[id(value)][0]
         else:
@@ -132,7 +132,8 @@ def _taken_apart(value: Any) -> tuple[list[bytes], list[Any]]:
     if type(value) in (set, frozenset):
         return [type(value).__name__.encode()], sorted(value, key=repr)
     if type(value) in (list, tuple):
-        return [type(value).__name__.encode()], list(value)
+        is_plain = {*map(type, value)} <= {*_PLAIN, bool}  # a long list of numbers is fast so
+        return [repr(value if is_plain else type(value)).encode()], [] if is_plain else list(value)
     if type(value) in (dict, MappingProxyType):
         return [b"dict"], list(chain(*value.items()))
     if isinstance(value, type):
