@@ -7,7 +7,9 @@ import pytest
 from pydantic import ValidationError
 
 from tripod_doe.analyses.bootstrap import random_halves
+from tripod_doe.analyses.factorial_effects.factorial_effects import EffectsSettings
 from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings
 
 
 def test_halves_are_drawn_when_they_are_used():
@@ -23,3 +25,13 @@ def test_resamples_are_bounded():
     assert SensitivitySettings(resamples=10_000).resamples == 10_000
     with pytest.raises(ValidationError, match="10000"):
         SensitivitySettings(resamples=10_001)
+
+
+@pytest.mark.parametrize(
+    ("settings", "key"),
+    [(ToleranceSettings, "precision"), (EffectsSettings, "precision"), (EffectsSettings, "resamples")],
+)
+def test_keys_without_effect_are_refused(settings, key):
+    """Regression: they were accepted, and changed nothing."""
+    with pytest.raises(ValidationError, match="Extra inputs"):
+        settings(**{key: 20})

@@ -39,9 +39,14 @@ class PointSettings(Table):
     most_dropped: float = Field(0.2, ge=0, lt=1, description="share of the blocks that may be dropped")
 
 
-class SensitivitySettings(PointSettings):
-    """[analysis.NAME] of a sensitivity analysis."""
+class ResampledSettings(PointSettings):
+    """Settings of an analysis with intervals by resampling."""
 
     resamples: int = Field(100, ge=10, le=10_000, description="resamples of the confidence intervals")
     seed: int = Field(0, ge=0, description="seed of the resampling")
+
+
+class SensitivitySettings(ResampledSettings):
+    """[analysis.NAME] of a sensitivity analysis."""
+
     precision: Precision = 0.05

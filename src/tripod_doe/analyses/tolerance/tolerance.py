@@ -26,7 +26,7 @@ from tripod_doe.analyses.output_table import (
     stacked,
     usual_outputs,
 )
-from tripod_doe.analyses.settings import SHARES, Probabilities, SensitivitySettings
+from tripod_doe.analyses.settings import SHARES, Probabilities, ResampledSettings
 from tripod_doe.analyses.tolerance.chances import Exceeding, exceeding, weighted_chances
 from tripod_doe.analyses.tolerance.moved_nominal import shift_to_keep
 from tripod_doe.analyses.tolerance.narrower_scatter import cheapest_to_keep, own_scatter, scale_to_keep, scaled_weights
@@ -42,7 +42,7 @@ from tripod_doe.study.designs.correlation import correlated_factors
 _THIRD = "thrust_amplitude_3"  # the quantity whose error of the model is on record
 
 
-class ToleranceSettings(SensitivitySettings):
+class ToleranceSettings(ResampledSettings):
     """[analysis.NAME] of kind tolerance."""
 
     outputs: list[str] = Field(["thrust_amplitude"], description="outputs whose distribution is wanted")
