@@ -20,7 +20,7 @@ from tripod_doe.service.requests.uploads import UPLOAD, main_file
 from tripod_doe.service.runs.extremes import Extremes
 from tripod_doe.service.runs.found_directories import FoundDirectories
 from tripod_doe.service.runs.one_run import OneRun
-from tripod_doe.service.runs.run_end import refuse_exchanged
+from tripod_doe.service.runs.run_end import is_directory, refuse_exchanged, restore_upload
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.security.delivered_files import check_delivered
@@ -116,10 +116,16 @@ class Service:
             return
         self._started = True
         if not self.settings.read_only:
-            for left in self.settings.folder.glob(f"{_UPLOADS}*"):
-                remove_tree(left)
+            self._tidy()
         self.runs.start()
         threading.Thread(target=self._watch_folder, name="directories", daemon=True).start()
+
+    def _tidy(self) -> None:
+        """Remove uploads that a kill kept from their runs, and put those back that it left aside."""
+        for left in self.settings.folder.glob(f"{_UPLOADS}*"):
+            remove_tree(left)
+        for directory in filter(is_directory, self.settings.folder.iterdir()):
+            restore_upload(directory)
 
     def _watch_folder(self) -> None:
         self._pool.warm()
@@ -278,14 +284,19 @@ class Service:
         return plan
 
     def upload_of(self, run_id: str) -> dict[str, Any]:
-        """The submitted study or workflow of a run, and its files."""
+        """The submitted study or workflow of a run, and its files; RefusedError 404 if they are gone or damaged."""
         run = self.runs.find(run_id)
         if run.is_left_alone:
             text, tables = self.ask(f"{_QUESTIONS}:texts_of_directory", path=str(self.directory(run_id)))
             return {"study": text, "files": tables}
         folder = self.directory(run_id, UPLOAD) / UPLOAD
-        texts = {path.name: read_regular(path).decode() for path in sorted(folder.iterdir())}
-        return {run.kind: texts.pop(main_file(run.kind)), "files": texts}
+        try:
+            texts = {path.name: read_regular(path).decode() for path in sorted(folder.iterdir())}
+            return {run.kind: texts.pop(main_file(run.kind)), "files": texts}
+        except (OSError, KeyError, UnicodeDecodeError) as error:
+            raise RefusedError(
+                404, "the submitted files of this run are gone or damaged; its results are kept"
+            ) from error
 
     def submitted_texts(self, run_id: str) -> dict[str, str]:
         """The texts of an upload by file name, the study or the workflow first."""

@@ -180,6 +180,24 @@ def test_a_run_that_was_stopped_before_its_start_takes_a_larger_study(service, t
     assert service.runs.resume(run_id).state is State.QUEUED
 
 
+def test_an_upload_that_a_kill_left_aside_is_put_back_and_one_that_is_gone_is_said(service, tmp_path):
+    """Regression: an internal error, and a run that was never resumed."""
+    (tmp_path / "upload").mkdir()
+    run_id = service.runs.submit(tmp_path / "upload", PLAN).id
+    place = service.directory(run_id)
+    for content in (None, b"\xff"):
+        if content:
+            (place / UPLOAD / "study.toml").write_bytes(content)
+        with pytest.raises(RefusedError, match=r"404.*gone or damaged"):
+            service.upload_of(run_id)
+    (place / UPLOAD / "study.toml").write_text("[study]\n")
+    (place / UPLOAD).rename(place / f".{UPLOAD}.old")
+    with pytest.raises(RefusedError, match=r"404.*gone or damaged"):
+        service.upload_of(run_id)
+    service._tidy()
+    assert service.upload_of(run_id) == {"study": "[study]\n", "files": {}}
+
+
 def test_no_note_is_written_beside_or_read_from_the_results_of_another_run(service, tmp_path):
     """Regression: the name for a run went into the directory that had taken its place, and its note to the link."""
     run_id, place = at_work(service, tmp_path)

@@ -31,6 +31,7 @@ _FULL = "the disk is full; resume goes on at the next missing point"
 _CHOOSES = "a pilot chooses the model of each point before the first one"
 _WRITES_CUBE = "all points have ended; now the cube is written"
 _MAKES_REPORT = "all points have ended; now the analyses and the report are made"
+_OLD_UPLOAD = f".{UPLOAD}.old"
 _COPIES = {"fit": "fit.toml", "optimisation": "optimise.toml"}  # of what a search runs, in its directory
 _SILENT = "its process ended without a message; resume goes on at the next missing point"
 
@@ -111,12 +112,20 @@ def remove_stages(directory: Path) -> None:
 
 def replace_upload(directory: Path, upload: Path) -> None:
     """Move an upload into a directory, in place of an earlier one."""
-    own, before = directory / UPLOAD, directory / f".{UPLOAD}.old"
+    restore_upload(directory)
+    own, before = directory / UPLOAD, directory / _OLD_UPLOAD
     remove_tree(before)  # left over from a kill
     if own.exists():
         own.rename(before)
     upload.rename(own)
     remove_tree(before)
+
+
+def restore_upload(directory: Path) -> None:
+    """Put an upload back that a kill has left aside while another one took its place."""
+    with suppress(OSError):
+        if not (directory / UPLOAD).exists():
+            (directory / _OLD_UPLOAD).rename(directory / UPLOAD)
 
 
 def results_in(directory: Path) -> dict[str, Any]:
