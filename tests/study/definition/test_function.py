@@ -397,6 +397,10 @@ def test_modules_beside_a_script_count(tmp_path, monkeypatch):
     ):
         load_simulator(function="__main__:f")
     assert source_hash(script.f, sources_of("__main__")) != first.source_hash
+    another = ModuleType("__main__")  # as %run of IPython makes one
+    another.f = script.f
+    monkeypatch.setitem(sys.modules, "__main__", another)
+    load_simulator(function="__main__:f")
 
 
 def test_numbers_and_texts_of_one_argument_are_refused(tmp_path):

@@ -5,7 +5,9 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from types import ModuleType
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from tripod_doe.errors import InputError, TripodDoeError, near_match
 from tripod_doe.model_interface import Simulator
@@ -33,6 +35,8 @@ _loaded_for: dict[str, list[str]] = {}
 """Folders of the studies for which a module was loaded, the latest last, by the module's name."""
 _sources: dict[str, dict[str, bytes]] = {}
 """Files of the latest import for a study, by the module's name."""
+_scripts: WeakKeyDictionary[ModuleType, dict[str, bytes]] = WeakKeyDictionary()
+"""Files of each program that was run as a script: IPython runs several."""
 _loaded: dict[str, tuple[str, bytes]] = {}
 """File and text of all modules that were loaded for functions, by their names."""
 
@@ -116,14 +120,16 @@ def _import_function(reference: str) -> tuple[Callable[..., Any], dict[str, byte
     module = reference.partition(":")[0]
     called = _import_object(reference)
     sources = sources_of(module)
-    before, wanted = _sources.get(module, sources), _files(module, sources)
     is_script = module == "__main__"  # which holds what it has imported
+    before = _scripts.setdefault(sys.modules[module], sources) if is_script else _sources.get(module, sources)
+    wanted = _files(module, sources)
     changed = [path for path, text in before.items() if sources.get(path) != text]
-    if stay := [path for path in changed if is_script or stays_loaded(path)]:
+    others = [name for name, own in wanted.items() if _is_another(name, own)]
+    if stay := [*(path for path in changed if is_script or stays_loaded(path)), *(others if is_script else [])]:
         raise InputError(
             f"function = {reference!r}: {stay[0]} has changed since it was loaded here: start Python again"
         )
-    if not is_script and (before != sources or any(_is_another(name, own) for name, own in wanted.items())):
+    if not is_script and (before != sources or others):
         _unload(module_names(path for path in {*before, *sources} if not stays_loaded(path)))
         called = _import_object(reference)
     if not callable(called):
