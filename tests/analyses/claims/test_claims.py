@@ -194,6 +194,10 @@ def test_points_of_different_joints_decide_nothing():
     assert verdict(claims, "third_proportional_to_torque") is Verdict.NOT_DECIDED
     reason = str(claims["reason"].sel(claim="third_proportional_to_torque").item())
     assert "points of different joints were run, which differ in pitch_radius_mm" in reason
+    failed = points(rows, [7.0, 14.0, 28.0], 0.2)
+    failed["outcome"][2] = Outcome.JAMMED
+    claims = check_claims({"torque": failed}, SETTINGS)
+    assert "jammed" in str(claims["reason"].sel(claim="third_proportional_to_torque").item())
     two = {f"at {radius}": cases([0.1, 0.2, 0.004, 0.2], 0) for radius in (21, 30)}
     two["at 30"].attrs["fixed_parameters"] = json.dumps({"model": "needles", "pitch_radius_mm": 30})
     assert verdict(check_claims(two, SETTINGS), "second_vanishes_equal_skews") is Verdict.NOT_DECIDED

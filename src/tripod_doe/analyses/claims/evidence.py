@@ -135,11 +135,13 @@ class Evidence:
 
         Raises:
             MissingPointError: If there is none, or one did not finish: finished points alone do not decide a claim; or
-                if points since the last `begin` are of different joints.
+                if finished points since the last `begin` are of different joints.
         """
         identity = {name: JOINT_PARAMETERS[name].default for name in _IDENTITY} | wanted
         among = [point for point in self._points if "model" in point.parameters and _matches(point, identity)]
         for point in among:
+            if point.outcome is not Outcome.FINISHED:  # gives no number, and decides nothing
+                continue
             self._first = self._first or point
             if apart := [name for name in _OTHERS if point.value(name) != self._first.value(name)]:
                 raise MissingPointError(f"points of different joints were run, which differ in {', '.join(apart)}")
