@@ -39,6 +39,12 @@ def test_comments_above_the_header(tmp_path, text):
     assert len(rows) == 2
 
 
+def test_a_comment_at_the_end_is_no_header(tmp_path):
+    """Regression: of numbers without a header, the last line was read as one."""
+    (tmp_path / "t.csv").write_text("1,4\n2,5\n# a,b\n")
+    assert read_csv_table(tmp_path / "t.csv", "t.csv")[0] == ["1", "4"]
+
+
 def test_a_column_may_be_called_by_a_number_sign(tmp_path):
     (tmp_path / "t.csv").write_text("#,file\n1,a.csv\n")
     assert read_csv_table(tmp_path / "t.csv", "t.csv") == (["#", "file"], {2: ["1", "a.csv"]})

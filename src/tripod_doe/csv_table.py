@@ -43,6 +43,8 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(f"{where}: cannot read {path}: {reason}") from error
     above = _header_line(lines)
+    if above < len(lines) and _ABOVE.match(lines[above]):
+        lines[above] = lines[above].lstrip().lstrip("#").lstrip()
     separator = max(",;\t", key="".join(lines[above : above + 1]).count)
     reader = csv.reader(lines[above:], delimiter=separator, strict=True)
     try:
@@ -67,14 +69,12 @@ def read_csv_table(path: Path, where: str, most: int | None = None) -> tuple[lis
 
 
 def _header_line(lines: list[str]) -> int:
-    """Index of the header; where numbers follow comments, the last of these is the header, without its #."""
+    """Index of the header; where numbers follow comments, the last of these is the header."""
     first = next((at for at, line in enumerate(lines) if not _ABOVE.match(line)), len(lines))
-    if first == len(lines) or not lines[first - 1].lstrip().startswith("#"):
+    if not 0 < first < len(lines) or not lines[first - 1].lstrip().startswith("#"):
         return first
-    if not all(readings(field.strip()) for field in re.split("[,;\t]", lines[first]) if field.strip()):
-        return first
-    lines[first - 1] = lines[first - 1].lstrip().lstrip("#").lstrip()
-    return first - 1
+    numbers = all(readings(field.strip()) for field in re.split("[,;\t]", lines[first]) if field.strip())
+    return first - 1 if numbers else first
 
 
 def _empty_at_the_end(row: list[str]) -> int:

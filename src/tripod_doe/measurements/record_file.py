@@ -240,7 +240,7 @@ def _headings(
 def _heading_fields(line: str, separator: str | None, wide: int) -> list[str]:
     """Fields of a line of headings; if spaces separate columns, a heading may contain some, as before its unit.
 
-    A % in front is that of a comment if the names fit without it.
+    A % in front begins a comment if the names fit without it.
     """
     for text, form in itertools.product((line.strip(), line.strip().lstrip("% ")), (r"\s{2,}|\t", r"\s+(?![\[(<])")):
         if separator is None and len(apart := re.split(form, text)) == wide:

@@ -199,7 +199,8 @@ def logarithmic_factors(cube: xr.Dataset) -> set[str]:
     for name in numeric_factors(cube):
         table, values = tables.get(name), cube[name].values
         if isinstance(table, dict) and "low" in table:
-            log = "log" in (table.get("scale"), str(table.get("distribution")).removesuffix("-uniform"))
+            usual = f"{table.get('scale')}-uniform"  # as `FactorTable.sampled_as`
+            log = table.get("distribution", usual) == "log-uniform"
         else:
             log = not (isinstance(table, dict) and "mean" in table) and spaced_by_ratios(values)
         if log and values.min() > 0:

@@ -86,7 +86,7 @@ def claims_of_figures(claims: xr.Dataset, title: str) -> tuple[list[str], list[l
 
 
 def claim_value(row: xr.Dataset) -> str:
-    """The number that decides a claim, with its numerical error and unit, told apart from its limits."""
+    """The number that decides a claim, with its numerical error and unit, in digits that differ from its limits."""
     value, error = float(row["value"]), float(row["error"])
     if not math.isfinite(value):
         return "unknown"
