@@ -37,8 +37,8 @@ from scipy.stats import beta, qmc
 from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.fit.model_error import Needles
 from tripod_doe.analyses.fit.next_record import next_record
+from tripod_doe.analyses.fit.problem import FitProblem
 from tripod_doe.analyses.fit.result import fit_dataset
-from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.simulators import load_simulator
 
@@ -305,12 +305,12 @@ class Model:
         answers: `computed`, or what stands for it.
     """
 
-    def __init__(self, rig: RigFit, answers: Any) -> None:
+    def __init__(self, rig: FitProblem, answers: Any) -> None:
         self._rig, self._answers = rig, answers
         self._known: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
 
     def __call__(self, columns: Any) -> tuple[np.ndarray, Needles]:
-        """Complex orders of points, and their needles, see `tripod_doe.analyses.fit.rig.Answers`."""
+        """Complex orders of points, and their needles, see `tripod_doe.analyses.fit.problem.Answers`."""
         keys = list(zip(*(column.tolist() for column in columns.values()), strict=True))
         place = {key: at for at, key in enumerate(keys)}
         new = [at for key, at in place.items() if key not in self._known]
@@ -328,7 +328,7 @@ class Model:
 
 def fitted(folder: Path, answers: Any) -> xr.Dataset:
     """The result of a fit, as the command makes it."""
-    rig = RigFit(load_fit(folder / "fit.toml"))
+    rig = FitProblem(load_fit(folder / "fit.toml"))
     model = Model(rig, answers)
     solution, error = rig.fit(model, lambda stage: None)
     return fit_dataset(rig, solution, error, next_record(rig, model, solution)).assign_attrs(points=model.count)

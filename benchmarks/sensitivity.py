@@ -33,7 +33,7 @@ from tripod_doe.analyses.sensitivity.shapley import shapley_effects
 from tripod_doe.analyses.sensitivity.sobol import sobol_indices
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.model_interface import Outcome
-from tripod_doe.study.definition.study_tables import parse_file
+from tripod_doe.study.definition.study_file_schema import parse_file
 from tripod_doe.study.designs import unit_sample
 
 _LOOPED = 3  # outputs that SALib analyses: its time is the sum over all

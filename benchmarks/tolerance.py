@@ -19,7 +19,7 @@ import tripod_doe as td
 from tripod_doe.analyses.tolerance.narrower_scatter import scaled_weights
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
 from tripod_doe.study.definition.distributions import scatter_density
-from tripod_doe.study.definition.study_tables import parse_file
+from tripod_doe.study.definition.study_file_schema import parse_file
 
 _FACTORS = {
     "groove_sliding_friction": (0.065, 0.006, 0.045, 0.085),

@@ -5,9 +5,9 @@ import shutil
 
 import pytest
 
-from tripod_doe.checksum_list import LIST, checksums, refuse_changed, write_listed
 from tripod_doe.cli import main
 from tripod_doe.errors import CubeError
+from tripod_doe.files.checksum_list import LIST, checksums, refuse_changed, write_listed
 from tripod_doe.study.cube.file_checks import ANALYSES, refuse_unfit
 from tripod_doe.study.cube.file_digest import seal
 from tripod_doe.study.journal import Journal

@@ -24,7 +24,7 @@ from tripod_doe.joint.simulator import simulator as joint
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.simulators import SCENES, load_simulator
-from tripod_doe.study.definition.study_tables import DesignKind
+from tripod_doe.study.definition.study_file_schema import DesignKind
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

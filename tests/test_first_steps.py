@@ -15,7 +15,7 @@ import tripod_doe as td
 from tripod_doe.cli import main
 from tripod_doe.errors import closest
 from tripod_doe.study.definition.simulators import load_simulator
-from tripod_doe.study.definition.study_tables import TABLES
+from tripod_doe.study.definition.study_file_schema import TABLES
 from tripod_doe.study.definition.template import EXAMPLES, TEMPLATES, write_examples
 
 ROOT = Path(__file__).parent.parent

@@ -16,7 +16,7 @@ from tripod_doe.cli.main import build_parser
 from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.joint.simulator import simulator
 from tripod_doe.mechanics.compilation.sources import cache_root
-from tripod_doe.study.definition.study_tables import StudyFile
+from tripod_doe.study.definition.study_file_schema import StudyFile
 
 ROOT = Path(__file__).parent.parent
 SOURCES = sorted((ROOT / "src").rglob("*.py"))

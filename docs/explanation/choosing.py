@@ -24,8 +24,8 @@ from tripod_doe.analyses.stability.sentences import border_text, measured_border
 from tripod_doe.analyses.stability.stability import RunKind
 from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.model_interface import Outcome
+from tripod_doe.number_text import level, number
 from tripod_doe.page_parts.charts.chart import Chart
-from tripod_doe.quantities import level, number
 
 _ALLOWED = (0.1, 0.03, 0.01, 0.005)
 _JOINT = "joint"

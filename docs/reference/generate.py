@@ -24,7 +24,7 @@ from tripod_doe.cli.parser import Parser
 from tripod_doe.service.app import create_app
 from tripod_doe.service.settings import Settings
 from tripod_doe.study.definition.simulators import SCENES, load_simulator
-from tripod_doe.study.definition.study_tables import StudyFile
+from tripod_doe.study.definition.study_file_schema import StudyFile
 from tripod_doe.workflow.workflow_file import workflow_schema
 
 _HERE = Path(__file__).parent

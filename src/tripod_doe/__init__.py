@@ -5,7 +5,7 @@
 >>> td.run("studies/thrust_map.toml", out="results")     # a study
 >>> td.open_cube("results")                              # its results, labelled
 
-Beside the folders stand modules that all of them use (errors, files, names, quantities), the `client` of a service and
+Beside the folders stand modules that all of them use (errors, names, numbers as text), the `client` of a service and
 the `notification` at the end of a run. Public names are imported when they are first used, so that workers and short
 commands load no plotting.
 """
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from tripod_doe.model_interface import Outcome, Output, Parameter
     from tripod_doe.motion_page.page import view
     from tripod_doe.reports.study_report import write_report
-    from tripod_doe.study.definition.schema import study_schema
+    from tripod_doe.study.definition.json_schema import study_schema
     from tripod_doe.study.definition.study import Study
     from tripod_doe.study.definition.study_file import load_study
     from tripod_doe.study.plan import Plan, plan
@@ -75,7 +75,7 @@ _HOME = {
     "run_workflow": "workflow.run_workflow",
     "simulate": "study.simulate",
     "sobol_indices": "analyses.sensitivity.sobol",
-    "study_schema": "study.definition.schema",
+    "study_schema": "study.definition.json_schema",
     "view": "motion_page.page",
     "WorkflowSummary": "workflow.run_workflow",
     "workflow_schema": "workflow.workflow_file",

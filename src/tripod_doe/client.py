@@ -24,8 +24,8 @@ from urllib.request import Request
 
 import numpy as np
 
-from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import CubeError, InputError, TripodDoeError, printable
+from tripod_doe.files.csv_table import read_csv_table
 from tripod_doe.http_opener import LOOPBACK, opener_for
 from tripod_doe.model_interface import BlockResult, Outcome
 from tripod_doe.study.definition.simulators import load_simulator

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tripod_doe.analyses.fit.misfit import Rows
+from tripod_doe.analyses.fit.estimation.misfit import Rows
+from tripod_doe.analyses.fit.estimation.unknowns import Unknown, make_layout
 from tripod_doe.analyses.fit.model_error import Needles
-from tripod_doe.analyses.fit.unknowns import Unknown, make_layout
 
 MISRA1A = np.array(
     [

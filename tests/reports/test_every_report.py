@@ -15,7 +15,7 @@ import pytest
 import tripod_doe as td
 from tripod_doe.cli.main import main
 from tripod_doe.model_interface import Outcome
-from tripod_doe.quantities import number
+from tripod_doe.number_text import number
 from tripod_doe.service.explorer.answers import explore, figure, numbers, point
 
 FUNCTION = """

@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 import tripod_doe as td
-from tripod_doe.checksum_list import write_listed
+from tripod_doe.files.checksum_list import write_listed
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.result_directory.check import check_files
 from tripod_doe.workflow import optimise, run_study, run_workflow
@@ -144,5 +144,5 @@ def test_a_list_of_steps_of_a_gigabyte_is_not_read(tmp_path, monkeypatch):
     """Regression: each look at a run read all of it for its checksum."""
     path = write_listed(tmp_path / STEPS, "[]")
     os.truncate(path, 1_000_000_000)
-    monkeypatch.setattr("tripod_doe.checksum_list._digest", killed)
+    monkeypatch.setattr("tripod_doe.files.checksum_list._digest", killed)
     assert read_steps(tmp_path) == []

@@ -15,11 +15,11 @@ import xarray as xr
 import tripod_doe as td
 from slow_cases import first_fast
 from tripod_doe.analyses.fit.fit_file import load_fit
-from tripod_doe.analyses.fit.rig import RigFit
+from tripod_doe.analyses.fit.problem import FitProblem
 from tripod_doe.analyses.fit.sentences import find_in_fit
-from tripod_doe.checksum_list import LIST
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
+from tripod_doe.files.checksum_list import LIST
 from tripod_doe.study.cube.netcdf import write_dataset
 from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.result_directory.directory import ResultDirectory
@@ -114,7 +114,7 @@ def test_hidden_frictions_come_back(fitted):
 def test_records_are_grouped_by_an_operating_value(written):
     """Regression: a column of the table that is a parameter was "no column of the table"."""
     unknowns = UNKNOWNS.replace('scale = "log"', 'per = "speed_rpm"')
-    layout = RigFit(load_fit(written(HEAD + unknowns + RECORDS))).layout
+    layout = FitProblem(load_fit(written(HEAD + unknowns + RECORDS))).layout
     speeds = dict.fromkeys(speed for _, _, speed in make_rig.POINTS)
     assert layout.groups == ("", *(f"speed_rpm {speed}" for speed in speeds))
 
@@ -473,9 +473,9 @@ def test_a_search_without_reference_angle_begins_at_other_places_of_the_circle(w
     """Exact: skews of 0.4, -0.3 and 0 deg, turned, with the third as it is known."""
     skews = "".join(f"[unknowns.initial_skew_{at}_deg]\nlow = -1\nhigh = 1\n" for at in (1, 2))
     place = np.array([0.7, 0.35])
-    free = RigFit(load_fit(written(HEAD + skews + RECORDS)))
+    free = FitProblem(load_fit(written(HEAD + skews + RECORDS)))
     assert np.allclose(free.places_alike(place), [[0.15, 0.3], [0.65, 0.85]])
-    known = RigFit(load_fit(written(HEAD + skews + RECORDS + "reference_angle_deg = 0\n")))
+    known = FitProblem(load_fit(written(HEAD + skews + RECORDS + "reference_angle_deg = 0\n")))
     assert not known.places_alike(place)
 
 
@@ -485,7 +485,7 @@ def test_a_plan_counts_the_circle_and_both_kinds_of_needles(written):
     head = HEAD.replace("= 0\nstarts = 1", '= "recorded"').replace("equilibrium", "kinetostatic")
     records = RECORDS.replace("[3]", "[2, 3]")
     for known, measured in (("", (192, 240, 660, 1009)), ("reference_angle_deg = 0\n", (156, 198, 321))):
-        least, usual, most = evaluations(RigFit(load_fit(written(head + UNKNOWNS + skews + records + known))))
+        least, usual, most = evaluations(FitProblem(load_fit(written(head + UNKNOWNS + skews + records + known))))
         assert least < min(measured)
         assert max(measured) < most
         assert measured[1] / 2 < usual < 2 * measured[1]

@@ -24,10 +24,10 @@ from tripod_doe.analyses.optimisation.problem import make_problem
 from tripod_doe.analyses.optimisation.search import first_generation
 from tripod_doe.analyses.optimisation.stored_candidates import base_of
 from tripod_doe.analyses.optimisation.variables import Variable, Variables
-from tripod_doe.checksum_list import LIST
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
-from tripod_doe.quantities import number
+from tripod_doe.files.checksum_list import LIST
+from tripod_doe.number_text import number
 from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.result_directory.directory import ResultDirectory
 from tripod_doe.workflow import optimise

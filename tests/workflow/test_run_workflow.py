@@ -21,8 +21,8 @@ import tripod_doe as td
 from started import Process
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.registry import ANALYSES, Analysis
-from tripod_doe.checksum_list import LIST
 from tripod_doe.cli import main
+from tripod_doe.files.checksum_list import LIST
 from tripod_doe.study.cube.file_digest import is_damaged
 from tripod_doe.study.result_directory import open_cube
 from tripod_doe.study.result_directory.check import check_files

@@ -12,6 +12,7 @@ from tripod_doe.analyses.failing_region.failing_region import failing_region_of
 from tripod_doe.analyses.main_effects.sentences import effects_on, find_effects, unseparated
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS
 from tripod_doe.model_interface import NOT_REPRESENTED, Outcome
+from tripod_doe.number_text import capital, count_of, digits_apart, level, number, text_range, with_unit
 from tripod_doe.page_parts.chosen_models import asked_orders, is_chosen, mixed_formulas
 from tripod_doe.page_parts.main_results import (
     ERRORS,
@@ -32,7 +33,6 @@ from tripod_doe.page_parts.main_results import (
 from tripod_doe.page_parts.subset import shown_subset, subset_sentences
 from tripod_doe.page_parts.words import ORDINALS, factor_label, factor_text, listed
 from tripod_doe.phases import JUMPS
-from tripod_doe.quantities import capital, count_of, digits_apart, level, number, text_range, with_unit
 
 _FLAT = 1e-6  # part of the largest value below which a value is zero, and a difference none
 _MOST_GIVEN = 40  # a factor with more values than this is a sampled one

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.number_text import number
 from tripod_doe.phases import around_mean, is_phase, shorter_way
-from tripod_doe.quantities import number
 from tripod_doe.study.cube.dataset import COST_VARIABLES, PHASES, RECORD_ROLE, RESPONSE_ROLE, RESPONSES
 from tripod_doe.study.cube.slab_reading import read_positions
 from tripod_doe.study.memory import refuse_too_much_memory

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from tripod_doe.study.definition.study_tables import Table
+from tripod_doe.study.definition.study_file_schema import Table
 
 SHARES = [at / 200 for at in range(1, 200)]
 """Probabilities of the quantiles that draw a distribution, besides the requested quantiles."""

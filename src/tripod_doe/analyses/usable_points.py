@@ -21,7 +21,7 @@ from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.dataset import EXCLUDED, OF_FUNCTION
 from tripod_doe.study.cube.lazy_dataset import flat_points
 from tripod_doe.study.cube.slab_reading import all_finite
-from tripod_doe.study.definition.study_tables import DesignTable, FactorTable, parse_file
+from tripod_doe.study.definition.study_file_schema import DesignTable, FactorTable, parse_file
 from tripod_doe.study.designs import FAMILIES, factor_groups, unit_sample
 
 SAMPLED_DESIGNS = ("latin-hypercube", "sobol", "halton", "rbd-fast")

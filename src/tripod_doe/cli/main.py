@@ -36,7 +36,7 @@ from tripod_doe.cli import (
 )
 from tripod_doe.cli.parser import DONE, INTERNAL, SOME_FAILED, WRONG_INPUT, Parser
 from tripod_doe.errors import InputError, TripodDoeError, speaking_of_options
-from tripod_doe.interrupts import INTERRUPTED, check_interrupt, leave_interrupted, take_interrupts
+from tripod_doe.process.interrupts import INTERRUPTED, check_interrupt, leave_interrupted, take_interrupts
 
 COMMANDS = {
     "run": run.COMMAND,
@@ -85,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with speaking_of_options():
         if arguments is not None:
             return _run_command([_dashes(word) for word in arguments])
-        import tripod_doe.own_process  # noqa: F401
+        import tripod_doe.process.own_process  # noqa: F401
 
         take_interrupts()
         code = _run_command([_dashes(word) for word in sys.argv[1:]])

@@ -90,7 +90,7 @@ def _query_netcdf(options: argparse.Namespace) -> int:
 
 
 def _write_workbook(options: argparse.Namespace, columns: dict[str, Any]) -> int:
-    from tripod_doe.atomic_files import replace_file
+    from tripod_doe.files.atomic_files import replace_file
     from tripod_doe.reports.workbook import answer_workbook
 
     asked = {"variable": ", ".join(options.variable), "select": ", ".join(options.select), "where": options.where or ""}

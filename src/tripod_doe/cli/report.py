@@ -70,8 +70,8 @@ def _run(options: argparse.Namespace) -> int:
 
 def _hand_on(directory: Path, form: str, output: Path | None) -> int:
     """Write a part of a report, and print where it is."""
-    from tripod_doe.atomic_files import refuse_links, replace_file
-    from tripod_doe.checksum_list import write_listed
+    from tripod_doe.files.atomic_files import refuse_links, replace_file
+    from tripod_doe.files.checksum_list import write_listed
     from tripod_doe.reports.one_page import figures_of, one_page, what_if_alone
     from tripod_doe.reports.workbook import tables_of
 

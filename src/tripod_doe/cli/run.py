@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_execution, add_out, add_study, add_untrusted
-from tripod_doe.quantities import count_of, duration, pace
+from tripod_doe.number_text import count_of, duration, pace
 
 
 def _seconds(text: str) -> float:

@@ -27,7 +27,7 @@ def _run(options: argparse.Namespace) -> int:
 
         print(json.dumps(fit_schema(), indent=1))
         return DONE
-    from tripod_doe.study.definition.schema import brief_schema, study_schema
+    from tripod_doe.study.definition.json_schema import brief_schema, study_schema
 
     print(brief_schema(options.scene) if options.brief else json.dumps(study_schema(options.scene), indent=1))
     return DONE

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tripod_doe.cli.parser import DONE, SOME_FAILED, Command, Parser, add_format, parameter_value
 from tripod_doe.cli.view import add_against, against
 from tripod_doe.errors import InputError, near_match
-from tripod_doe.quantities import duration
+from tripod_doe.number_text import duration
 
 if TYPE_CHECKING:
     from tripod_doe.model_interface import Simulator

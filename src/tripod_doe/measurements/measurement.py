@@ -21,12 +21,12 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, closest, option
+from tripod_doe.files.regular_files import read_regular
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.operating_point import differ, from_columns, from_name, from_notes
 from tripod_doe.measurements.record_file import Record, read_record
 from tripod_doe.measurements.tachometer import angle_between_pulses, find_pulses, infer_pulses
-from tripod_doe.quantities import number
-from tripod_doe.regular_files import read_regular
+from tripod_doe.number_text import number
 
 _MOST_LOST = 0.2  # part of the samples; a record with more dropouts is refused
 _LARGEST_THRUST = 1e9  # N: a wrong column or unit; squares of larger numbers overflow in fits

@@ -12,7 +12,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.headings import OPERATING, ROLES, factor_of, is_no_unit, is_unit, plain_words
-from tripod_doe.quantities import number
+from tripod_doe.number_text import number
 from tripod_doe.typed_numbers import readings
 
 _MOST_STARS = 3  # stars in a pattern: each multiplies the matching time by the length of a name

@@ -22,9 +22,9 @@ import pandas as pd
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
+from tripod_doe.files.regular_files import read_regular, text_of
 from tripod_doe.measurements.headings import OPERATING, given_position, is_unit, roles_of, unit_factor, unit_given
 from tripod_doe.measurements.tdms_file import is_tdms, read_tdms
-from tripod_doe.regular_files import read_regular, text_of
 from tripod_doe.typed_numbers import readings, typed_number
 
 _SEPARATORS = ((";", ","), (";", "."), ("\t", ","), ("\t", "."), (",", "."), (",", ","), (None, "."), (None, ","))

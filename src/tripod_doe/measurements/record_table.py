@@ -4,8 +4,8 @@ import re
 from collections.abc import Collection, Iterable
 from pathlib import Path
 
-from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, closest, misspelt
+from tripod_doe.files.csv_table import read_csv_table
 from tripod_doe.measurements.headings import operating_name
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError, option
 from tripod_doe.measurements.spectrum import cycle_amplitudes, refined_peak
-from tripod_doe.quantities import number
+from tripod_doe.number_text import number
 
 _LOW, _HIGH = 0.35, 0.65  # thresholds of an edge within the range of the tachometer: noise between them makes no edge
 _OUTLIERS = (0.0, 0.001, 0.01, 0.05)  # parts of the samples, at each end, that may be spikes beyond the range

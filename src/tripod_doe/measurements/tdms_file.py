@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from tripod_doe.errors import InputError
-from tripod_doe.regular_files import opened_regular
+from tripod_doe.files.regular_files import opened_regular
 
 _MARK = b"TDSm"
 

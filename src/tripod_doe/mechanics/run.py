@@ -48,7 +48,7 @@ from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.mechanics.tables import EVALUATIONS, FACTORISATIONS, STEPS, Work
 from tripod_doe.mechanics.trace import States, Trace
 from tripod_doe.model_interface import Outcome
-from tripod_doe.quantities import number
+from tripod_doe.number_text import number
 
 _TRACED = 1000
 """Steps after which a trace is emptied: the pause costs a few steps."""

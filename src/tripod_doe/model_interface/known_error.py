@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.quantities import allowed_range
+from tripod_doe.number_text import allowed_range
 
 NOTABLE_ERROR = 0.05
 """Relative error of a model above which a result is flagged."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray
 from tripod_doe.model_interface.known_error import NOTABLE_ERROR, Departure, ModelErrors, ValidRange
 from tripod_doe.model_interface.verdict import VerdictCount
-from tripod_doe.quantities import count_of, number
+from tripod_doe.number_text import count_of, number
 
 _REASONS = 2
 """Reasons for an unknown error that a sentence lists with their counts."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.model_interface.known_error import NOTABLE_ERROR, ModelErrors
 from tripod_doe.model_interface.outcome import Flag
-from tripod_doe.quantities import count_of, duration
+from tripod_doe.number_text import count_of, duration
 
 LARGE_ERROR = 0.2
 """Relative error of a model; if one of ten similar points has more, the result is doubtful."""

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+from tripod_doe.number_text import count_of, digits_apart, number, text_range, with_unit
 from tripod_doe.page_parts.words import ORDINALS, place_text, spoken, unit_text
 from tripod_doe.phases import turned_on
-from tripod_doe.quantities import count_of, digits_apart, number, text_range, with_unit
 from tripod_doe.study.cube.dataset import PHASES, RESPONSES
 
 _MOST = 4  # outputs of a function

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import OUTCOME_MEANINGS, Outcome, Parameter
+from tripod_doe.number_text import duration, level_or_word, number, value_range
 from tripod_doe.page_parts.chosen_models import models_used
 from tripod_doe.page_parts.main_results import asked, computed_once, factor_names, finished, study_tables, waiting
 from tripod_doe.page_parts.words import factor_unit, unit_text
-from tripod_doe.quantities import duration, level_or_word, number, value_range
 from tripod_doe.study.cube.dataset import THIS_STUDY
 from tripod_doe.study.cube.slab_reading import largest_magnitude
 from tripod_doe.study.definition.simulators import load_simulator

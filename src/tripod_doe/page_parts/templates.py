@@ -7,10 +7,10 @@ from functools import cache
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from tripod_doe.number_text import number, size
 from tripod_doe.page_parts.charts.chart import Chart
 from tripod_doe.page_parts.markdown import markdown
 from tripod_doe.page_parts.sentence_help import reading_of, readings
-from tripod_doe.quantities import number, size
 
 _TO_READING = re.compile(r'<a class="why" href="#reading-([\w-]+)"')
 _MOST_BYTES = 10_000_000

@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable, Mapping
 
 import xarray as xr
 
-from tripod_doe.quantities import in_words, level, with_unit
+from tripod_doe.number_text import in_words, level, with_unit
 
 ORDINALS = (
     "mean thrust force",

@@ -14,7 +14,7 @@ from tripod_doe.analyses.fit.sentences import (
     record_rows,
     unknown_rows,
 )
-from tripod_doe.checksum_list import refuse_changed, write_listed
+from tripod_doe.files.checksum_list import refuse_changed, write_listed
 from tripod_doe.page_parts.answer import answer_first
 from tripod_doe.page_parts.templates import render
 

@@ -7,12 +7,12 @@ from pathlib import Path
 from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
 from tripod_doe.errors import InputError
+from tripod_doe.number_text import count_of
 from tripod_doe.page_parts.charts.chart import Chart
 from tripod_doe.page_parts.charts.files import Paragraph, pdf_page, png_file, svg_file
 from tripod_doe.page_parts.main_results import asked, finished
 from tripod_doe.page_parts.markdown import plain_lines
 from tripod_doe.page_parts.templates import render, typeset
-from tripod_doe.quantities import count_of
 from tripod_doe.reports.study_report import answered, read_analyses
 from tripod_doe.study.result_directory.annotation import Annotation, read_annotation
 from tripod_doe.study.result_directory.open_cube import is_shown, opened_cube, opened_study

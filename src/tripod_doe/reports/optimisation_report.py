@@ -18,7 +18,7 @@ from tripod_doe.analyses.optimisation.tables import (
     shown_rows,
     start_table,
 )
-from tripod_doe.checksum_list import write_listed
+from tripod_doe.files.checksum_list import write_listed
 from tripod_doe.page_parts.answer import answer_first
 from tripod_doe.page_parts.templates import render
 from tripod_doe.study.failure_summary import Failure

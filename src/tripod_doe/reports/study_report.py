@@ -23,9 +23,9 @@ from tripod_doe.analyses.registry import findings_of_all, section_charts, table_
 from tripod_doe.analyses.sensitivity import RANKED
 from tripod_doe.analyses.sensitivity.sentences import sensitivity_parts
 from tripod_doe.analyses.surrogate.what_if_page import WhatIfPage, what_if_pages
-from tripod_doe.atomic_files import refuse_links
-from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import InputError
+from tripod_doe.files.atomic_files import refuse_links
+from tripod_doe.files.checksum_list import write_listed
 from tripod_doe.model_interface import NOTABLE_ERROR
 from tripod_doe.page_parts.answer import answer_first, picture_first
 from tripod_doe.page_parts.charts.chart import Chart

@@ -15,13 +15,13 @@ from tripod_doe.analyses.claims.sentences import claims_of_figures, figures_of_c
 from tripod_doe.analyses.contribution.side_by_side import find_side_by_side, of_one_ladder, side_by_side_table
 from tripod_doe.analyses.kinds import is_study, kind_of, of_kind
 from tripod_doe.analyses.registry import findings_of, table_of
-from tripod_doe.checksum_list import refuse_changed, write_listed
+from tripod_doe.files.checksum_list import refuse_changed, write_listed
+from tripod_doe.files.regular_files import read_regular
 from tripod_doe.names import path_within
+from tripod_doe.number_text import capital, duration
 from tripod_doe.page_parts.answer import answer_first, beyond, picture_first
 from tripod_doe.page_parts.charts.chart import WIDE, Chart
 from tripod_doe.page_parts.templates import render
-from tripod_doe.quantities import capital, duration
-from tripod_doe.regular_files import read_regular
 
 _THIRD = 300.0  # points; a wider figure is not readable in a third of the page
 

@@ -19,8 +19,8 @@ from types import FrameType
 import uvicorn
 
 from tripod_doe.errors import InputError, TripodDoeError, option
+from tripod_doe.files.regular_files import open_locked
 from tripod_doe.http_opener import LOOPBACK
-from tripod_doe.regular_files import open_locked
 from tripod_doe.service.app import create_app
 from tripod_doe.service.log import start_log
 from tripod_doe.service.problems import RefusedError

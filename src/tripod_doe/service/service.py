@@ -11,10 +11,10 @@ from copy import copy
 from pathlib import Path
 from typing import Any, cast
 
-from tripod_doe.atomic_files import remove_tree
 from tripod_doe.errors import StorageError, near_match, printable
+from tripod_doe.files.atomic_files import remove_tree
+from tripod_doe.files.regular_files import read_regular
 from tripod_doe.names import path_within
-from tripod_doe.regular_files import read_regular
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.uploads import UPLOAD, main_file
 from tripod_doe.service.runs.extremes import Extremes

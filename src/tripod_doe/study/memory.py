@@ -5,7 +5,7 @@ import resource
 from pathlib import Path
 
 from tripod_doe.errors import InputError
-from tripod_doe.quantities import size
+from tripod_doe.number_text import size
 
 
 def refuse_too_many_points(count: int, each: int) -> None:

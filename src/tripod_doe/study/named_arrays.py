@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.errors import InputError
-from tripod_doe.quantities import level
+from tripod_doe.number_text import level
 
 MATCH = 1e-9
 """Relative difference up to which a number is a label."""

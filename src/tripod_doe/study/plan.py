@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.quantities import duration, size, text_range
+from tripod_doe.number_text import duration, size, text_range
 from tripod_doe.study.cube.model_records import model_records
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import load_study

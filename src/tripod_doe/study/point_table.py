@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.model_interface import Outcome, Values
+from tripod_doe.number_text import count_of, duration, level, level_or_word, number, value_range, with_unit
 from tripod_doe.phases import amplitude_of
-from tripod_doe.quantities import count_of, duration, level, level_or_word, number, value_range, with_unit
 from tripod_doe.study.simulate import SimulatedPoint
 
 _NOTHING = 1e-9  # amplitudes below this part of the largest one are rounding, and have no phase

@@ -23,7 +23,7 @@ from tripod_doe.model_interface import (
     is_set,
     model_notes,
 )
-from tripod_doe.quantities import plain_json
+from tripod_doe.number_text import plain_json
 from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.execution.task import Task, run_task
 from tripod_doe.study.memory import refuse_too_many_points

@@ -12,8 +12,8 @@ from tripod_doe.analyses.contribution.contribution import ContributionSettings
 from tripod_doe.analyses.registry import ANALYSES, Analysis
 from tripod_doe.analyses.sensitivity.method import DEPENDENT
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, check_tolerance
-from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.files.checksum_list import write_listed
 from tripod_doe.model_interface import Outcome
 from tripod_doe.names import path_within
 from tripod_doe.study.cube.netcdf import results_in_history, stamp_history, write_dataset

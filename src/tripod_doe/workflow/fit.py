@@ -16,13 +16,13 @@ from tripod_doe.analyses.fit.base_file import base_text, tolerance_text
 from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.fit.model_error import Needles
 from tripod_doe.analyses.fit.next_record import next_record
+from tripod_doe.analyses.fit.problem import FitProblem
 from tripod_doe.analyses.fit.result import fit_dataset, found_unknowns
-from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.array_types import ComplexArray
-from tripod_doe.checksum_list import write_listed
+from tripod_doe.files.checksum_list import write_listed
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.model_interface import Outcome, check_parameters
-from tripod_doe.one_thread import one_thread
+from tripod_doe.process.one_thread import one_thread
 from tripod_doe.reports.fit_report import write_fit_page
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study
@@ -87,7 +87,7 @@ def fit(
         StorageError: If writing fails; finished points are kept.
     """
     request = load_fit(file, untrusted)
-    rig = RigFit(request)
+    rig = FitProblem(request)
     directory = make_directory(out)
     place = make_directory(directory / "steps" / POINTS)
     stages = Stages(directory)
@@ -126,7 +126,7 @@ def fit(
         return FitSummary(directory, computed, count - computed, failures, result, found)
 
 
-def _points_study(rig: RigFit, folder: Path) -> Study:
+def _points_study(rig: FitProblem, folder: Path) -> Study:
     """The study of all points of a fit, whose table is in a folder."""
     content = {
         "study": {"name": f"{rig.file.fit.name}: points"},

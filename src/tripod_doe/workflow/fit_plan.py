@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from tripod_doe.analyses.fit.exploration import place_count
+from tripod_doe.analyses.fit.estimation.exploration import place_count
 from tripod_doe.analyses.fit.fit_file import load_fit
-from tripod_doe.analyses.fit.rig import RigFit
-from tripod_doe.quantities import count_of, duration, text_range
+from tripod_doe.analyses.fit.problem import FitProblem
+from tripod_doe.number_text import count_of, duration, text_range
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.toml_text import toml_text
@@ -74,7 +74,7 @@ def plan_fit(file: str | Path, timing: bool = True, untrusted: bool = False) -> 
     Raises:
         InputError: If the file or a record cannot be used.
     """
-    rig = RigFit(load_fit(file, untrusted))
+    rig = FitProblem(load_fit(file, untrusted))
     records, width = len(rig.records), len(rig.layout.unknowns)
     trials = evaluations(rig)
     models = list(dict.fromkeys([rig.cheap, rig.model]))
@@ -96,7 +96,7 @@ def plan_fit(file: str | Path, timing: bool = True, untrusted: bool = False) -> 
     return FitPlan(records, names, usual, (least, most), asked, pair, tuple(plans), seconds)
 
 
-def evaluations(rig: RigFit) -> tuple[float, float, float]:
+def evaluations(rig: FitProblem) -> tuple[float, float, float]:
     """Evaluations of all records that a fit takes: at least, usually, and at most but for rare ones.
 
     Where the records do not say which trunnion is the first, the search begins at three places, and profiles go over
@@ -112,13 +112,13 @@ def evaluations(rig: RigFit) -> tuple[float, float, float]:
     return first + least * each, first + usual * each, first + most * each + _AGAIN
 
 
-def _distinct(rig: RigFit, model: str) -> int:
+def _distinct(rig: FitProblem, model: str) -> int:
     """Number of different records in the search; a record with unknowns of its own counts as different."""
     columns = [column.tolist() for column in rig.columns_at_middle(model).values()]
     return len(set(zip(*columns, *rig.layout.index.tolist(), strict=True)))
 
 
-def _one_of_each(rig: RigFit, model: str) -> Study:
+def _one_of_each(rig: FitProblem, model: str) -> Study:
     """A study of the points of all records, with the unknowns in the middle of their ranges."""
     content = {
         "study": {"name": "points of the records"},

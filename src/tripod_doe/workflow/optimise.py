@@ -40,7 +40,7 @@ from tripod_doe.analyses.optimisation.search import (
 )
 from tripod_doe.analyses.optimisation.stored_candidates import FINDINGS
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.checksum_list import write_listed
+from tripod_doe.files.checksum_list import write_listed
 from tripod_doe.reports.optimisation_report import optimisation_lines, write_optimisation_page
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study

@@ -9,7 +9,7 @@ from typing import Self
 from tripod_doe.analyses.optimisation.optimisation_file import SearchTable, load_optimisation
 from tripod_doe.analyses.optimisation.problem import Problem, make_problem
 from tripod_doe.analyses.optimisation.search import first_generation, last_share, population_of
-from tripod_doe.quantities import duration, number, text_range
+from tripod_doe.number_text import duration, number, text_range
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.definition.study_folder import StudyFolder

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from tripod_doe.quantities import duration, size
+from tripod_doe.number_text import duration, size
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.plan import RECORDED, Plan, plan

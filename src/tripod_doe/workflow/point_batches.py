@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.checksum_list import write_listed
-from tripod_doe.interrupts import check_interrupt
+from tripod_doe.files.checksum_list import write_listed
 from tripod_doe.model_interface import Outcome, Value, refuse_other_dims, take_labels
+from tripod_doe.process.interrupts import check_interrupt
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
 from tripod_doe.study.designs import Points, make_points

@@ -10,7 +10,7 @@ import numpy as np
 from tqdm import tqdm
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.quantities import count_of, duration
+from tripod_doe.number_text import count_of, duration
 from tripod_doe.study.study_points import StudyPoints
 
 _BAR = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}, {rate_fmt}{postfix}]"  # tqdm's own without its time left

@@ -25,10 +25,10 @@ from tripod_doe.analyses.multifidelity.study_split import (
 from tripod_doe.analyses.registry import findings_of_all
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
-from tripod_doe.interrupts import check_interrupt
 from tripod_doe.model_interface import Outcome
 from tripod_doe.names import path_within
-from tripod_doe.quantities import count_of
+from tripod_doe.number_text import count_of
+from tripod_doe.process.interrupts import check_interrupt
 from tripod_doe.reports.study_report import read_analyses, write_report
 from tripod_doe.study.cube.file_digest import stored_digest
 from tripod_doe.study.cube.responses import refuse_unknown_outputs

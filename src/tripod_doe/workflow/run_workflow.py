@@ -18,13 +18,13 @@ from pathlib import Path
 import xarray as xr
 
 from tripod_doe.analyses.registry import ANALYSES, draw
-from tripod_doe.atomic_files import refuse_links
-from tripod_doe.checksum_list import checksums, refuse_changed, remove_listed, remove_pages, write_listed
 from tripod_doe.errors import InputError, StorageError
-from tripod_doe.interrupts import check_interrupt
+from tripod_doe.files.atomic_files import refuse_links
+from tripod_doe.files.checksum_list import checksums, refuse_changed, remove_listed, remove_pages, write_listed
+from tripod_doe.files.regular_files import STUDY_BYTES, read_regular
 from tripod_doe.names import path_within
-from tripod_doe.quantities import capital, duration
-from tripod_doe.regular_files import STUDY_BYTES, read_regular
+from tripod_doe.number_text import capital, duration
+from tripod_doe.process.interrupts import check_interrupt
 from tripod_doe.reports.workflow_report import StepView, chain_page, step_page, write_charts
 from tripod_doe.study.cube.file_digest import is_sealed, stored_digest
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset

@@ -7,8 +7,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.checksum_list import listed_json, remove_listed, remove_pages, write_listed
 from tripod_doe.errors import StorageError, printable
+from tripod_doe.files.checksum_list import listed_json, remove_listed, remove_pages, write_listed
 from tripod_doe.study.result_directory.latest_run import FOUND, failed_analyses, found_in
 
 STEPS = "steps.json"

@@ -16,8 +16,8 @@ from tripod_doe.analyses.registry import ANALYSES, STUDY_FIGURES
 from tripod_doe.errors import InputError, near_match, option
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import load_study, parse_study
+from tripod_doe.study.definition.study_file_schema import DESIGN_KEYS, keys_read_by
 from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.definition.study_tables import DESIGN_KEYS, keys_read_by
 from tripod_doe.study.definition.toml_text import read_text, toml_array
 from tripod_doe.study.designs import make_points
 from tripod_doe.study.fingerprints import point_keys

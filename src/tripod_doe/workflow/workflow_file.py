@@ -10,7 +10,7 @@ from tripod_doe.analyses.registry import ANALYSES, FIGURES
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.names import check_identifier
 from tripod_doe.study.definition.complaints import complaints
-from tripod_doe.study.definition.study_tables import FactorTable, Scalar, Table
+from tripod_doe.study.definition.study_file_schema import FactorTable, Scalar, Table
 from tripod_doe.study.definition.toml_text import parse_toml
 
 

@@ -20,7 +20,7 @@ from tripod_doe.analyses.comparison.sentences import find_in_comparison
 from tripod_doe.measurements.measurement import Measurement, read_measurement, rotation_from_tachometer
 from tripod_doe.measurements.order_tracking import resample, track_orders
 from tripod_doe.measurements.tachometer import edge_times, mended
-from tripod_doe.quantities import numbers_in_words
+from tripod_doe.number_text import numbers_in_words
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
 

@@ -16,7 +16,7 @@ from tripod_doe.analyses.comparison.page import _differing_orders
 from tripod_doe.analyses.comparison.record_comparison import Reading
 from tripod_doe.cli import main
 from tripod_doe.errors import InputError
-from tripod_doe.quantities import numbers_in_words
+from tripod_doe.number_text import numbers_in_words
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
 

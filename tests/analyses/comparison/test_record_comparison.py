@@ -10,7 +10,7 @@ import pytest
 import tripod_doe as td
 from tripod_doe.analyses.comparison.record_comparison import ComparisonSettings, compare_file
 from tripod_doe.cli import main
-from tripod_doe.service.explorer.measurements import compare_upload
+from tripod_doe.service.explorer.uploaded_measurement import compare_upload
 from tripod_doe.study.definition.study_folder import StudyFolder
 
 pytestmark = pytest.mark.usefixtures("pages_not_made")

@@ -4,10 +4,10 @@ import numpy as np
 from fit_problems import model_of
 
 import tripod_doe as td
-from tripod_doe.analyses.fit.fit import solve
-from tripod_doe.analyses.fit.identifiability import skews_alike
-from tripod_doe.analyses.fit.misfit import Rows
-from tripod_doe.analyses.fit.unknowns import Unknown, make_layout
+from tripod_doe.analyses.fit.estimation.identifiability import skews_alike
+from tripod_doe.analyses.fit.estimation.misfit import Rows
+from tripod_doe.analyses.fit.estimation.solution import solve
+from tripod_doe.analyses.fit.estimation.unknowns import Unknown, make_layout
 
 AHEAD = np.exp(2j * np.radians(120) * np.arange(3))
 EACH = np.array([2.0, 3.0, 5.0, 8.0])  # second order of a groove by a skew of 1 deg, at four operating points, N

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from tripod_doe.analyses.fit.error_size import estimate_error_size
-from tripod_doe.analyses.fit.identifiability import covariance_of
-from tripod_doe.analyses.fit.least_squares import Descent
-from tripod_doe.analyses.fit.misfit import Misfit, Rows
+from tripod_doe.analyses.fit.estimation.error_size import estimate_error_size
+from tripod_doe.analyses.fit.estimation.identifiability import covariance_of
+from tripod_doe.analyses.fit.estimation.least_squares import Descent
+from tripod_doe.analyses.fit.estimation.misfit import Misfit, Rows
 
 RECORDS, NOISE = 10, 0.01
 PRIOR = np.full(2, 0.5), np.full(2, np.inf)

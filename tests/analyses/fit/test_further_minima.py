@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from fit_problems import model_of, one_record, real_rows
 
-from tripod_doe.analyses.fit.fit import _with_other_minima, solve
-from tripod_doe.analyses.fit.identifiability import combinations
-from tripod_doe.analyses.fit.unknowns import Unknown, make_layout
+from tripod_doe.analyses.fit.estimation.identifiability import combinations
+from tripod_doe.analyses.fit.estimation.solution import _with_other_minima, solve
+from tripod_doe.analyses.fit.estimation.unknowns import Unknown, make_layout
 
 MINIMA = 0.25, 0.75
 FIRM = 1e-3  # deviation of a row that both minima explain

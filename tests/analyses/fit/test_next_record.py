@@ -10,8 +10,8 @@ import pytest
 from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.fit.model_error import Needles, model_error
 from tripod_doe.analyses.fit.next_record import next_record
+from tripod_doe.analyses.fit.problem import FitProblem
 from tripod_doe.analyses.fit.result import fit_dataset
-from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.analyses.fit.sentences import candidate_rows, find_in_fit
 
 FIT = """
@@ -68,7 +68,7 @@ def fitted(tmp_path):
             rows.append(f"{at}.csv;{angle};{str(torque).replace('.', ',')};{grease};1.0")
         (tmp_path / "records.csv").write_text("\n".join(rows))
         (tmp_path / "fit.toml").write_text(text.format(per=per))
-        own = RigFit(load_fit(tmp_path / "fit.toml"))
+        own = FitProblem(load_fit(tmp_path / "fit.toml"))
         points = lambda columns: answers(own.all_columns(columns))  # noqa: E731
         solution, error = own.fit(points, lambda stage: None)
         return fit_dataset(own, solution, error, next_record(own, points, solution))
@@ -124,7 +124,7 @@ def test_a_candidate_may_have_errors_that_records_have_not(fitted, monkeypatch):
         drive = bool((columns["torque_n_m"] > 0).all())
         return replace(own, turning=np.full((*own.shared.shape[:2], 3), 0.1)) if drive else own
 
-    monkeypatch.setattr("tripod_doe.analyses.fit.rig.model_error", error_in_drive)
+    monkeypatch.setattr("tripod_doe.analyses.fit.problem.model_error", error_in_drive)
     coast = [(angle, -torque, *rest) for angle, torque, *rest in RECORDS[:2]]
     fit = fitted("all", coast, FIT + "[next.at.torque_n_m]\nvalues = [100]\n")
     assert np.isfinite(fit["next"]).all()

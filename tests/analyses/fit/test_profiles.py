@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fit_problems import model_of, one_record, real_rows
 
-from tripod_doe.analyses.fit.fit import solve
+from tripod_doe.analyses.fit.estimation.solution import solve
 
 TOP, DEEP = 0.55, 0.03  # where the second unknown does most, and how much that is
 DEVIATION, VAGUE = 1e-3, 10.0  # of the first row, and of what is known of the second unknown

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from fit_problems import MISRA1A, THURBER, model_of, one_record, real_rows
 
-from tripod_doe.analyses.fit.fit import solve
-from tripod_doe.analyses.fit.unknowns import Unknown, make_layout
+from tripod_doe.analyses.fit.estimation.solution import solve
+from tripod_doe.analyses.fit.estimation.unknowns import Unknown, make_layout
 
 
 def deviations(solution):

@@ -12,10 +12,10 @@ import pytest
 import xarray as xr
 from fit_problems import answers, real_rows
 
+from tripod_doe.analyses.fit.estimation.misfit import Misfit
 from tripod_doe.analyses.fit.fit_file import load_fit
-from tripod_doe.analyses.fit.misfit import Misfit
+from tripod_doe.analyses.fit.problem import FitProblem
 from tripod_doe.analyses.fit.result import fit_dataset
-from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.analyses.fit.sentences import _sentence_of_records, find_in_fit, unknown_rows
 
 sys.path.append(str(Path(__file__).parents[3] / "measurements"))
@@ -60,7 +60,7 @@ def rig(tmp_path):
         with (tmp_path / "records.csv").open("w", newline="") as stream:
             csv.writer(stream).writerows([["file", *make_rig.OPERATING, "joint"], *rows])
         (tmp_path / "fit.toml").write_text(f"{FIT}sign = {sign}\n")
-        return RigFit(load_fit(tmp_path / "fit.toml"))
+        return FitProblem(load_fit(tmp_path / "fit.toml"))
 
     return read
 
@@ -86,7 +86,7 @@ def test_a_column_of_the_table_gives_each_record_a_sign_of_its_own(rig, tmp_path
     assert rows.rows(rows.first_error()).one_sign
     header, *lines = (tmp_path / "records.csv").read_text().splitlines()
     (tmp_path / "records.csv").write_text("\n".join([f"{header},sign", *(f"{line},free" for line in lines), ""]))
-    rows = RigFit(load_fit(tmp_path / "fit.toml"))
+    rows = FitProblem(load_fit(tmp_path / "fit.toml"))
     assert not rows.rows(rows.first_error()).one_sign
 
 

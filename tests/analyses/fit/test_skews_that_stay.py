@@ -13,8 +13,8 @@ from fit_problems import answers
 from tripod_doe.analyses.fit.base_file import base_text
 from tripod_doe.analyses.fit.fit_file import load_fit
 from tripod_doe.analyses.fit.next_record import next_record
+from tripod_doe.analyses.fit.problem import FitProblem
 from tripod_doe.analyses.fit.result import fit_dataset
-from tripod_doe.analyses.fit.rig import RigFit
 from tripod_doe.analyses.fit.sentences import find_in_fit
 
 sys.path.append(str(Path(__file__).parents[3] / "measurements"))
@@ -69,7 +69,7 @@ def rig(tmp_path):
         with (tmp_path / "records.csv").open("w", newline="") as stream:
             csv.writer(stream).writerows([["file", *make_rig.OPERATING], *rows])
         (tmp_path / "fit.toml").write_text(FIT)
-        own = RigFit(load_fit(tmp_path / "fit.toml"))
+        own = FitProblem(load_fit(tmp_path / "fit.toml"))
         points = lambda columns: answers(own.all_columns(columns))  # noqa: E731
         solution, error = own.fit(points, lambda stage: None)
         return own, solution, fit_dataset(own, solution, error, next_record(own, points, solution))

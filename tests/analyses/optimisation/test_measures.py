@@ -8,7 +8,7 @@ from tripod_doe.analyses.optimisation.measures import PointValues, _of_constrain
 from tripod_doe.analyses.optimisation.optimisation_file import ConstraintTable, ObjectiveTable
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.study.definition.factors import checked_factor
-from tripod_doe.study.definition.study_tables import FactorTable
+from tripod_doe.study.definition.study_file_schema import FactorTable
 
 JOINTS, SHARE = 256, 0.95
 ONE = np.ones(1)

@@ -18,10 +18,10 @@ from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings, tolerance
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
-from tripod_doe.quantities import duration
+from tripod_doe.number_text import duration
 from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study_file import parse_study
-from tripod_doe.study.definition.study_tables import DesignTable, FactorTable
+from tripod_doe.study.definition.study_file_schema import DesignTable, FactorTable
 from tripod_doe.study.designs import make_points
 
 TEXT = """

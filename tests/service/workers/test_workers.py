@@ -277,7 +277,7 @@ def test_what_is_forked_imports_nothing_from_the_current_folder(tmp_path):
 def test_what_is_forked_has_one_thread_and_knows_nothing_of_the_web():
     """A process with threads must not fork."""
     script = (
-        "import os, sys; import tripod_doe.own_process, tripod_doe.service.workers.preload; "
+        "import os, sys; import tripod_doe.process.own_process, tripod_doe.service.workers.preload; "
         "print(len(os.listdir('/proc/self/task')), sys.modules.keys() & {'fastapi', 'starlette', 'uvicorn'})"
     )
     environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}

@@ -11,7 +11,7 @@ from scipy import stats
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.distributions import quantile, scaled_table, scatter_density, shifted_table
 from tripod_doe.study.definition.study_file import parse_study
-from tripod_doe.study.definition.study_tables import FactorTable
+from tripod_doe.study.definition.study_file_schema import FactorTable
 
 UNIT = np.array([0.0, 1e-9, 0.01, 0.3, 0.5, 0.9, 1 - 1e-9, 1.0])
 

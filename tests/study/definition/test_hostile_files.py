@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.study_file import parse_study
+from tripod_doe.study.definition.study_file_schema import DesignTable, FactorTable
 from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.definition.study_tables import DesignTable, FactorTable
 from tripod_doe.study.designs import make_points, point_count
 from tripod_doe.workflow.analyses import check_analyses
 from tripod_doe.workflow.workflow import load_workflow

@@ -9,7 +9,7 @@ from SALib.sample import sobol
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.distributions import quantile
 from tripod_doe.study.definition.study_file import parse_study
-from tripod_doe.study.definition.study_tables import DesignTable, FactorTable
+from tripod_doe.study.definition.study_file_schema import DesignTable, FactorTable
 from tripod_doe.study.designs import make_points, salib_problem, unit_sample
 from tripod_doe.study.designs.saltelli import first_order_blocks
 

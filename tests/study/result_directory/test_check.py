@@ -18,9 +18,9 @@ import xarray as xr
 
 import tripod_doe as td
 from slow_cases import first_fast
-from tripod_doe.checksum_list import write_listed
 from tripod_doe.cli import main
 from tripod_doe.errors import CubeError
+from tripod_doe.files.checksum_list import write_listed
 from tripod_doe.study.cube import file_checks
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
 from tripod_doe.study.cube.lazy_dataset import read_dataset

@@ -9,9 +9,9 @@ import sys
 import pytest
 
 import tripod_doe as td
-from tripod_doe.checksum_list import write_listed as replace_text
 from tripod_doe.cli.main import main
 from tripod_doe.errors import InputError
+from tripod_doe.files.checksum_list import write_listed as replace_text
 from tripod_doe.study.definition.study_file import load_study
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.designs import make_points

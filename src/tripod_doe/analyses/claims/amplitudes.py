@@ -8,7 +8,7 @@ import numpy as np
 from tripod_doe.analyses.claims.cases import Cases
 from tripod_doe.analyses.claims.evidence import ANY, Evidence, Measured, MissingPointError, Point
 from tripod_doe.array_types import FloatArray
-from tripod_doe.quantities import level, number
+from tripod_doe.number_text import level, number
 
 _PAPER_ANGLES = (4.0, 14.0)
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from tripod_doe.quantities import level
+from tripod_doe.number_text import level
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 from tripod_doe.analyses.claims.amplitudes import fit_line, line_over, pairs_text, point_of, ratio, spread_of
 from tripod_doe.analyses.claims.cases import Cases
 from tripod_doe.analyses.claims.evidence import Evidence, Measured, MissingPointError, Point
-from tripod_doe.quantities import number
+from tripod_doe.number_text import number
 
 
 def third_dominates(evidence: Evidence, cases: Cases) -> Measured:

@@ -10,7 +10,7 @@ from pydantic import Field
 from tripod_doe.analyses.claims.verdicts import VERDICT_FLAGS, ClaimsSettings, Verdict, check_claims
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.errors import InputError
-from tripod_doe.study.definition.study_tables import Table
+from tripod_doe.study.definition.study_file_schema import Table
 
 
 class ClaimsOverSkewSettings(Table):

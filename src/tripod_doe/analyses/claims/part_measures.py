@@ -12,7 +12,7 @@ from tripod_doe.analyses.claims.cases import Cases
 from tripod_doe.analyses.claims.evidence import ANY, Evidence, Measured, MissingPointError, Point
 from tripod_doe.analyses.contribution.contribution import PAPER_SHARES, contribution_shares
 from tripod_doe.joint.unit_conversion import point_values
-from tripod_doe.quantities import level, number
+from tripod_doe.number_text import level, number
 from tripod_doe.study.cube.dataset import SWITCH_ROLE
 
 _DEFINITIONS = {"share_off": "switching off", "share_on": "on alone", "share_shapley": "Shapley value"}

@@ -8,8 +8,8 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.claims.verdicts import Verdict
+from tripod_doe.number_text import capital, digits_apart, level, number, text_range, with_unit
 from tripod_doe.page_parts.words import listed, unit_text
-from tripod_doe.quantities import capital, digits_apart, level, number, text_range, with_unit
 
 _HEADS = ["Claim", "Holds", "Value", "Holds if", "In the paper", "Quantity"]
 _FIGURES = re.compile(r"\bFigs?\. (\d+(?:\([a-z]\))?(?:(?:,| and|, and| to) \d+(?:\([a-z]\))?)*)")

@@ -11,6 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.analyses.claims.rules import RULES
+from tripod_doe.number_text import level
 from tripod_doe.page_parts.charts.chart import (
     COLOURS,
     HATCHES,
@@ -26,7 +27,6 @@ from tripod_doe.page_parts.charts.chart import (
 from tripod_doe.page_parts.charts.paper_figures import SKEWS, first_points
 from tripod_doe.page_parts.main_results import finished, numeric_factors
 from tripod_doe.page_parts.words import axis_label, factor_text
-from tripod_doe.quantities import level
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes

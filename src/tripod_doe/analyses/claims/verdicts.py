@@ -17,7 +17,7 @@ from tripod_doe.analyses.claims.evidence import Evidence, Measured, MissingPoint
 from tripod_doe.analyses.claims.rules import RULES, Rule
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.model_interface import Flag
-from tripod_doe.study.definition.study_tables import Table
+from tripod_doe.study.definition.study_file_schema import Table
 
 
 class Verdict(Flag):

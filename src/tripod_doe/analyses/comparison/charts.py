@@ -9,9 +9,9 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.number_text import count_of, number
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, LINES, MARKERS, Chart, drawing, legend_above
 from tripod_doe.page_parts.words import ORDINALS
-from tripod_doe.quantities import count_of, number
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes

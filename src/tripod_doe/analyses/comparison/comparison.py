@@ -33,9 +33,9 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.joint.orders import ORDERS, amplitude_and_phase
 from tripod_doe.measurements.measurement import Measurement, read_measurement
 from tripod_doe.measurements.order_tracking import CELLS, resample, track_orders
+from tripod_doe.number_text import number
 from tripod_doe.page_parts.chosen_models import models_used
 from tripod_doe.phases import shorter_way
-from tripod_doe.quantities import number
 from tripod_doe.study.cube.model_records import MODEL_ERROR
 from tripod_doe.typed_numbers import typed_number
 

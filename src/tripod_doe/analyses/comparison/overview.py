@@ -16,12 +16,12 @@ import xarray as xr
 from tripod_doe.analyses.comparison.comparison import NOT_COMPARED, VERDICTS
 from tripod_doe.analyses.comparison.record_comparison import ComparedRecord, Reading, compare_record
 from tripod_doe.analyses.comparison.record_point import RecordRow
-from tripod_doe.csv_table import csv_cell
 from tripod_doe.errors import CubeError, InputError
+from tripod_doe.files.csv_table import csv_cell
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.record_table import read_record_table
-from tripod_doe.quantities import plain_json
+from tripod_doe.number_text import plain_json
 
 
 @dataclass(frozen=True)

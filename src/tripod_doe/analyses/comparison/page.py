@@ -26,16 +26,16 @@ from tripod_doe.analyses.comparison.sentences import (
     orders_text,
     too_small_text,
 )
-from tripod_doe.atomic_files import replace_text
-from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import InputError, printable
+from tripod_doe.files.atomic_files import replace_text
+from tripod_doe.files.checksum_list import write_listed
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
+from tripod_doe.number_text import count_of, interval, level, with_unit
 from tripod_doe.page_parts.answer import answer_first
 from tripod_doe.page_parts.charts.chart import Chart
 from tripod_doe.page_parts.charts.orders import agreement, differences
 from tripod_doe.page_parts.templates import render
 from tripod_doe.page_parts.words import ORDINALS, listed, spoken, unit_text
-from tripod_doe.quantities import count_of, interval, level, with_unit
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 
 

@@ -10,7 +10,7 @@ from tripod_doe.array_types import ComplexArray
 from tripod_doe.errors import option
 from tripod_doe.measurements.measurement import Measurement
 from tripod_doe.measurements.spectrum import FEWEST_CYCLES, cycle_amplitudes, longest_stop
-from tripod_doe.quantities import count_of, number
+from tripod_doe.number_text import count_of, number
 
 _WEAK = 0.3  # part of the strongest oscillation below which the model's strongest order is missing from the record
 _DEAD = 1e-6  # part of the model's strongest order below which a record does not oscillate

@@ -13,8 +13,8 @@ from tripod_doe.analyses.comparison.record_point import RecordRow, overruled, po
 from tripod_doe.analyses.kinds import is_study, makes_kind
 from tripod_doe.errors import InputError
 from tripod_doe.measurements.measurement import read_measurement
+from tripod_doe.study.definition.study_file_schema import NO_BOOLEAN, Table
 from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.definition.study_tables import NO_BOOLEAN, Table
 
 
 @dataclass(frozen=True)

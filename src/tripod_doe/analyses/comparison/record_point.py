@@ -22,8 +22,8 @@ from tripod_doe.errors import InputError, option
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.measurements.measurement import Measurement
 from tripod_doe.measurements.operating_point import differ
+from tripod_doe.number_text import level, level_or_word, with_unit
 from tripod_doe.page_parts.words import listed, spoken, unit_text
-from tripod_doe.quantities import level, level_or_word, with_unit
 from tripod_doe.study.query.query import cell_count
 from tripod_doe.study.simulate import simulate
 

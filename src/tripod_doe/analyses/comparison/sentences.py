@@ -10,8 +10,8 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.analyses.comparison.comparison import NONE_IN_MODEL, TOO_SMALL, VERDICTS
+from tripod_doe.number_text import count_of, interval, level, number, numbers_in_words, plain_json, value_range
 from tripod_doe.page_parts.words import ORDINALS
-from tripod_doe.quantities import count_of, interval, level, number, numbers_in_words, plain_json, value_range
 
 ORDER_HEADS = (
     "order",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import ComplexArray, FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.cube.dataset import SWITCH_ROLE
-from tripod_doe.study.definition.study_tables import parse_file
+from tripod_doe.study.definition.study_file_schema import parse_file
 from tripod_doe.study.designs.ablation import HALF
 
 _ROUNDING = 1e-6  # an amplitude below this part of the operating point's largest amplitude is only error

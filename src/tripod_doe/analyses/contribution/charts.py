@@ -12,9 +12,9 @@ import xarray as xr
 
 from tripod_doe.analyses.contribution.share_tables import DEFINITIONS, Contribution, contributions, percent
 from tripod_doe.array_types import FloatArray
+from tripod_doe.number_text import count_of, levels_apart
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above, panels
 from tripod_doe.page_parts.words import spoken, with_brackets
-from tripod_doe.quantities import count_of, levels_apart
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes

@@ -34,7 +34,7 @@ from tripod_doe.model_interface import Outcome
 from tripod_doe.page_parts.chosen_models import asked_orders, chosen_models, models_used
 from tripod_doe.phases import is_phase
 from tripod_doe.study.definition.responses import ERROR
-from tripod_doe.study.definition.study_tables import Table
+from tripod_doe.study.definition.study_file_schema import Table
 from tripod_doe.study.memory import refuse_too_much_memory
 
 PAPER_SHARES = {"groove_spinning": 2.0, "groove_rolling": 5.0, "needle_sliding": 1.0, "needle_rolling": 6.0}

@@ -21,8 +21,8 @@ from tripod_doe.analyses.contribution.share_tables import (
 )
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import MECHANISMS
+from tripod_doe.number_text import count_of
 from tripod_doe.page_parts.words import listed, spoken
-from tripod_doe.quantities import count_of
 
 _PRINTED = 0.05  # percent that still shows in the one digit after the point
 _AGREE = 4.0  # percentage points within which two shares count as agreeing

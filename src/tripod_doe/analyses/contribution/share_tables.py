@@ -15,8 +15,8 @@ from tripod_doe.analyses.contribution.contribution import PAPER_POINT, PAPER_SHA
 from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.parameters import MECHANISMS
+from tripod_doe.number_text import count_of, level_or_word, number, text_range, with_unit
 from tripod_doe.page_parts.words import ORDINALS, factor_text, factor_unit, spoken, unit_text
-from tripod_doe.quantities import count_of, level_or_word, number, text_range, with_unit
 
 DEFINITIONS = {
     "share_off": "switching off",

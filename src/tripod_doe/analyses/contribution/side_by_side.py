@@ -9,8 +9,8 @@ from tripod_doe.analyses.contribution.contribution import PAPER_SHARES
 from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.joint.models.registry import MODELS
 from tripod_doe.joint.parameters import MECHANISMS
+from tripod_doe.number_text import number
 from tripod_doe.page_parts.words import ORDINALS, listed, spoken
-from tripod_doe.quantities import number
 
 _RIGHT = 5.0  # percent of an amplitude within which a model gets it right
 _RIGHT_SHARE = 4.0  # percentage points of a share; the claims' own tolerance

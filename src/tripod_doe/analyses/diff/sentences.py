@@ -10,11 +10,11 @@ from typing import Any
 
 from tripod_doe.analyses.diff.definitions import KeyDifference
 from tripod_doe.analyses.diff.diff import NO_PHASE, Diff, EqualVariable, ResultDifference
-from tripod_doe.csv_table import csv_cell
 from tripod_doe.errors import printable
+from tripod_doe.files.csv_table import csv_cell
+from tripod_doe.number_text import count_of, digits_apart, level, number, plain_json, with_unit
 from tripod_doe.page_parts.words import unit_text
 from tripod_doe.phases import amplitude_of
-from tripod_doe.quantities import count_of, digits_apart, level, number, plain_json, with_unit
 
 _MOST = 12  # lines of one kind in a text
 _LONGEST = 60  # characters of a value in a text

@@ -31,7 +31,7 @@ from tripod_doe.analyses.output_table import (
 from tripod_doe.analyses.settings import PointSettings
 from tripod_doe.analyses.usable_points import Sample, analysed_points, read_sample, whole_outputs
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.study.definition.study_tables import FactorTable
+from tripod_doe.study.definition.study_file_schema import FactorTable
 
 _ALIAS = 1e-8  # part of a column's length that the terms before must leave for it to be a term of its own
 _ROUNDING = 1e-12  # part of the variance of an output below which nothing is left

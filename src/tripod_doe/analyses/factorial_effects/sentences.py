@@ -6,9 +6,9 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.sensitivity.sentences import nothing_varies
+from tripod_doe.number_text import count_of, interval, number, r2_text, squared, with_unit
 from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs
 from tripod_doe.page_parts.words import listed, spoken
-from tripod_doe.quantities import count_of, interval, number, r2_text, squared, with_unit
 
 _MOST_NAMED = 4
 _SURE = 0.05  # largest probability by chance of an effect that a sentence names

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from tripod_doe.analyses.encoding import is_numeric
 from tripod_doe.array_types import FloatArray
+from tripod_doe.number_text import number
 from tripod_doe.page_parts.main_results import asked, finished, point_columns, varies, waiting
-from tripod_doe.quantities import number
 
 _DIGITS = range(4, 18)  # of a threshold: as few as tell the points on both sides apart
 _DEPTH = 2  # conditions of a region: more are hard to picture

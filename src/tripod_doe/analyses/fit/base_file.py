@@ -8,10 +8,10 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.fit.identifiability import FOUND
+from tripod_doe.analyses.fit.estimation.identifiability import FOUND
 from tripod_doe.errors import printable
 from tripod_doe.model_interface import Value
-from tripod_doe.quantities import value_range
+from tripod_doe.number_text import value_range
 from tripod_doe.study.designs.correlation import rank_correlation
 
 _DEVIATIONS = 1.96  # of half a 95 % interval of a normal distribution

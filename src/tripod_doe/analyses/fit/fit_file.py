@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from tripod_doe.errors import near_match
-from tripod_doe.study.definition.study_tables import NO_BOOLEAN, Scalar, Table
+from tripod_doe.study.definition.study_file_schema import NO_BOOLEAN, Scalar, Table
 from tripod_doe.study.definition.table_file import TableFile, read_table_file
 
 

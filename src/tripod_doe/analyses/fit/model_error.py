@@ -31,7 +31,7 @@ from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.joint.known_errors.other_orders import SOURCE, deviations_of_orders
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.model_interface import Accuracy, Quantity, Simulator
-from tripod_doe.quantities import number, numbers_in_words
+from tripod_doe.number_text import number, numbers_in_words
 
 _DEVIATION = 1.48  # of a normal error over its median
 _ASSUMED = 0.03  # relative, where nothing is on record

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from tripod_doe.analyses.fit.fit import Solution
-from tripod_doe.analyses.fit.identifiability import covariance_of
-from tripod_doe.analyses.fit.misfit import Misfit, Rows
+from tripod_doe.analyses.fit.estimation.identifiability import covariance_of
+from tripod_doe.analyses.fit.estimation.misfit import Misfit, Rows
+from tripod_doe.analyses.fit.estimation.solution import Solution
+from tripod_doe.analyses.fit.estimation.unknowns import Layout
 from tripod_doe.analyses.fit.model_error import ModelError, Needles
-from tripod_doe.analyses.fit.rig import Answers, RigFit
-from tripod_doe.analyses.fit.unknowns import Layout
+from tripod_doe.analyses.fit.problem import Answers, FitProblem
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.model_interface import Value
-from tripod_doe.quantities import level_or_word
+from tripod_doe.number_text import level_or_word
 
 _RANGE = 1 / np.sqrt(12)  # standard deviation of a place of which only the bounds are known
 _STEP = 0.01  # of a range, for derivatives at candidates
@@ -55,7 +55,7 @@ class Next:
     predicted: Sequence[FloatArray | None]  # amplitudes, shape (order,)
 
 
-def next_record(rig: RigFit, points: Answers, solution: Solution) -> Next | None:
+def next_record(rig: FitProblem, points: Answers, solution: Solution) -> Next | None:
     """Effect of one more record at each candidate; None where the fit file asks for none.
 
     Args:
@@ -96,7 +96,7 @@ def next_record(rig: RigFit, points: Answers, solution: Solution) -> Next | None
     )
 
 
-def _candidate_rows(rig: RigFit, points: Answers, solution: Solution, like: int) -> list[CandidateRows | None]:
+def _candidate_rows(rig: FitProblem, points: Answers, solution: Solution, like: int) -> list[CandidateRows | None]:
     """The model and its derivatives at every candidate; None where it fails.
 
     Args:
@@ -129,7 +129,7 @@ def _candidate_rows(rig: RigFit, points: Answers, solution: Solution, like: int)
     return rows
 
 
-def _scalars_of(rig: RigFit, candidate: Mapping[str, Value], like: int) -> list[int]:
+def _scalars_of(rig: FitProblem, candidate: Mapping[str, Value], like: int) -> list[int]:
     """The scalar of each unknown at a candidate; those that no record has follow the others, one an unknown."""
     layout, operating = rig.layout, rig.operating(candidate)
     scalars = []

@@ -11,8 +11,8 @@ from scipy.stats import chi2
 
 from tripod_doe.analyses.comparison.model_point import complex_orders
 from tripod_doe.analyses.comparison.plausibility import doubts_of_record
+from tripod_doe.analyses.fit.estimation.misfit import Rows
 from tripod_doe.analyses.fit.fit_file import FitRequest
-from tripod_doe.analyses.fit.misfit import Rows
 from tripod_doe.analyses.fit.model_error import ModelError
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError, speaking_of_keys
@@ -21,7 +21,7 @@ from tripod_doe.measurements.operating_point import differ
 from tripod_doe.measurements.order_tracking import track_orders
 from tripod_doe.measurements.record_table import read_record_table
 from tripod_doe.model_interface import Parameter, Value
-from tripod_doe.quantities import number
+from tripod_doe.number_text import number
 from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.typed_numbers import typed_number
 

@@ -8,19 +8,25 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.fit.fit import CONFIDENCE, Solution
+from tripod_doe.analyses.fit.estimation.identifiability import (
+    COMBINATION,
+    FOUND,
+    NOT_IDENTIFIED,
+    ONE_SIDED,
+    correlation_of,
+)
+from tripod_doe.analyses.fit.estimation.solution import CONFIDENCE, Solution
+from tripod_doe.analyses.fit.estimation.unknowns import Layout
 from tripod_doe.analyses.fit.fit_file import FitRequest
-from tripod_doe.analyses.fit.identifiability import COMBINATION, FOUND, NOT_IDENTIFIED, ONE_SIDED, correlation_of
 from tripod_doe.analyses.fit.model_error import ModelError
 from tripod_doe.analyses.fit.next_record import Next
+from tripod_doe.analyses.fit.problem import FitProblem
 from tripod_doe.analyses.fit.records import RigRecord
-from tripod_doe.analyses.fit.rig import RigFit
-from tripod_doe.analyses.fit.unknowns import Layout
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.orders import amplitude_and_phase
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.quantities import count_of, value_range
+from tripod_doe.number_text import count_of, value_range
 from tripod_doe.study.query.look_for_sentence import found_rows
 
 _RANK = (FOUND, ONE_SIDED, COMBINATION, NOT_IDENTIFIED)
@@ -32,7 +38,7 @@ _NORMAL = 1.96  # deviations of half a 95 % interval
 
 @makes_kind("fit")
 def fit_dataset(
-    rig: RigFit, solution: Solution, error: ModelError, following: Next | None, doubts: Sequence[str] = ()
+    rig: FitProblem, solution: Solution, error: ModelError, following: Next | None, doubts: Sequence[str] = ()
 ) -> xr.Dataset:
     """Label the result of a fit.
 
@@ -88,7 +94,7 @@ def _by_record_names(records: Sequence[RigRecord], kind: str) -> list[str]:
     return lines
 
 
-def _out_of_range(rig: RigFit, solution: Solution) -> list[str]:
+def _out_of_range(rig: FitProblem, solution: Solution) -> list[str]:
     """Ranges of the model that records leave with the fitted unknowns, a line each."""
     values = solution.problem.layout.values(solution.best.place[None])[0]
     columns = rig.columns([record.parameters for record in rig.records], values, rig.model)
@@ -232,7 +238,7 @@ def _records(solution: Solution, error: ModelError, width: int) -> dict[str, Any
 
 def _chi2_of_all(solution: Solution) -> FloatArray:
     """Chi squared of each record, also of those left out."""
-    from tripod_doe.analyses.fit.misfit import Misfit
+    from tripod_doe.analyses.fit.estimation.misfit import Misfit
 
     problem = solution.problem
     every = Misfit(problem.misfit.rows, np.ones_like(solution.bad), problem.layout.priors())
@@ -271,7 +277,7 @@ def _candidates(following: Next, width: int) -> tuple[dict[str, Any], dict[str, 
     return variables, places
 
 
-def _attributes(rig: RigFit, solution: Solution, error: ModelError) -> dict[str, str | float | int]:
+def _attributes(rig: FitProblem, solution: Solution, error: ModelError) -> dict[str, str | float | int]:
     """Provenance, and what is known of the fit as a whole."""
     layout, alike = solution.problem.layout, list(rig.skews_alike(solution.best.place).values())
     names, logs = layout.names(), [layout.unknowns[which].log for which in layout.owner]

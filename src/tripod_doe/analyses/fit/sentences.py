@@ -7,11 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from tripod_doe.analyses.fit.identifiability import COMBINATION, FOUND, ONE_SIDED
+from tripod_doe.analyses.fit.estimation.identifiability import COMBINATION, FOUND, ONE_SIDED
 from tripod_doe.errors import CubeError
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
-from tripod_doe.page_parts.words import ORDINALS, spoken, unit_text
-from tripod_doe.quantities import (
+from tripod_doe.number_text import (
     capital,
     count_of,
     interval,
@@ -22,6 +21,7 @@ from tripod_doe.quantities import (
     value_with_ends,
     with_unit,
 )
+from tripod_doe.page_parts.words import ORDINALS, spoken, unit_text
 
 UNKNOWN_HEADS = ("unknown", "value", "95 % from", "to", "unit", "verdict", "most correlated with")
 """Heads of the table of unknowns."""

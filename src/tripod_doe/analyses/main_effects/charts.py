@@ -11,6 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.array_types import FloatArray
+from tripod_doe.number_text import capital, level, levels_apart, number, with_unit
 from tripod_doe.page_parts.charts.chart import (
     COLOURS,
     ON_DARK,
@@ -32,7 +33,6 @@ from tripod_doe.page_parts.main_results import (
     zero_between,
 )
 from tripod_doe.page_parts.words import axis_label, factor_label, factor_text, factor_unit
-from tripod_doe.quantities import capital, level, levels_apart, number, with_unit
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes

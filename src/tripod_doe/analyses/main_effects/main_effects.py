@@ -27,7 +27,7 @@ from tripod_doe.analyses.main_effects.curve_shape import Shape, curve_shapes
 from tripod_doe.analyses.main_effects.regression import Fit, Separation, fit_factor, separation
 from tripod_doe.analyses.main_effects.repeated_sample import one_of_each_block, own_sample
 from tripod_doe.array_types import FloatArray, IntArray
-from tripod_doe.one_thread import one_thread
+from tripod_doe.process.one_thread import one_thread
 
 
 def setting_of_others(codes: IntArray) -> IntArray:

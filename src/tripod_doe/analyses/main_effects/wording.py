@@ -13,9 +13,7 @@ from tripod_doe.analyses.main_effects.main_effects import FactorEffect, Ground
 from tripod_doe.analyses.main_effects.regression import Estimate
 from tripod_doe.analyses.output_table import without_zero
 from tripod_doe.array_types import FloatArray
-from tripod_doe.page_parts.main_results import Response
-from tripod_doe.page_parts.words import factor_label, factor_text, factor_unit, listed
-from tripod_doe.quantities import (
+from tripod_doe.number_text import (
     capital,
     count_of,
     digits_apart,
@@ -27,6 +25,8 @@ from tripod_doe.quantities import (
     text_range,
     with_unit,
 )
+from tripod_doe.page_parts.main_results import Response
+from tripod_doe.page_parts.words import factor_label, factor_text, factor_unit, listed
 
 _DRIVE = "drive in place of coast"  # what a torque of one size and both signs changes
 _ROUNDING = 1e-9  # part of the range of a response that is no effect

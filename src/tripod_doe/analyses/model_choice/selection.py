@@ -43,8 +43,8 @@ from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Candidate, cf_flags
 from tripod_doe.study.definition.accuracy_table import AUTO, AutoModel
 from tripod_doe.study.definition.study_file import load_study
+from tripod_doe.study.definition.study_file_schema import Table
 from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.definition.study_tables import Table
 from tripod_doe.study.designs import make_points
 
 _LIMITS = np.linspace(1.0, 0.0, 101)

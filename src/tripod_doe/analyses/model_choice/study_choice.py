@@ -20,10 +20,10 @@ from tripod_doe.analyses.model_choice.pilot import (
     usable_points,
 )
 from tripod_doe.analyses.model_choice.selection import choose, full_candidates, without_pilot
-from tripod_doe.checksum_list import number_in
 from tripod_doe.errors import InputError
+from tripod_doe.files.checksum_list import number_in
 from tripod_doe.model_interface import Candidate
-from tripod_doe.quantities import duration, number
+from tripod_doe.number_text import duration, number
 from tripod_doe.study.cube.netcdf import stamp_history, write_dataset
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.designs import Points, make_points

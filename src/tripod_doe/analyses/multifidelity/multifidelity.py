@@ -26,7 +26,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.slab_reading import any_finite
-from tripod_doe.study.definition.study_tables import parse_file
+from tripod_doe.study.definition.study_file_schema import parse_file
 
 Answers = dict[str, FloatArray]
 

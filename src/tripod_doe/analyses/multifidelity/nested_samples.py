@@ -15,7 +15,7 @@ from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Candidate
 from tripod_doe.study.definition.simulators import load_simulator
-from tripod_doe.study.definition.study_tables import DesignTable, StudyFile, parse_file
+from tripod_doe.study.definition.study_file_schema import DesignTable, StudyFile, parse_file
 from tripod_doe.study.designs import FAMILIES, SAMPLE, factor_groups, random_factors
 
 _OVERHEAD = 2e-4  # CPU seconds that a point of any model costs besides: its fingerprint, its place in journal and cube

@@ -5,9 +5,9 @@ import xarray as xr
 
 from tripod_doe.analyses.sensitivity.sentences import nothing_varies, sobol_sentence, without_intervals
 from tripod_doe.array_types import FloatArray
+from tripod_doe.number_text import count_of, duration, interval, number, squared, with_unit
 from tripod_doe.page_parts.main_outputs import OutputPart, main_outputs, quantile_text
 from tripod_doe.page_parts.words import listed
-from tripod_doe.quantities import count_of, duration, interval, number, squared, with_unit
 
 
 def multifidelity_parts(result: xr.Dataset) -> list[OutputPart]:

@@ -9,10 +9,10 @@ import xarray as xr
 from tripod_doe.analyses.multifidelity.split import Split, find_split
 from tripod_doe.errors import CubeError, InputError
 from tripod_doe.model_interface import Value
-from tripod_doe.quantities import duration, number
+from tripod_doe.number_text import duration, number
 from tripod_doe.study.definition.study import Study, canonical
 from tripod_doe.study.definition.study_file import parse_study
-from tripod_doe.study.definition.study_tables import DesignTable
+from tripod_doe.study.definition.study_file_schema import DesignTable
 from tripod_doe.study.designs import SAMPLE, make_points, most_points, pilot_samples, point_count
 from tripod_doe.study.plan import RECORDED, plan_points
 from tripod_doe.study.result_directory.open_cube import opened_cube

@@ -12,8 +12,8 @@ from tripod_doe.analyses.optimisation.pareto_front import places_of
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values
 from tripod_doe.array_types import FloatArray
+from tripod_doe.number_text import digits_apart, interval, level_or_word, levels_apart, number, with_unit
 from tripod_doe.page_parts.words import spoken, unit_text, with_brackets
-from tripod_doe.quantities import digits_apart, interval, level_or_word, levels_apart, number, with_unit
 
 NEAR_LEVEL = 0.1
 """dB from which on a level is near another one, about as much as 1 %."""

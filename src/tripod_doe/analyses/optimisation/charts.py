@@ -12,9 +12,9 @@ from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, best_so_far
 from tripod_doe.analyses.optimisation.tables import dominated_count
 from tripod_doe.array_types import FloatArray
+from tripod_doe.number_text import count_of, number
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, LINES, MUTED, Chart, drawing, legend_above
 from tripod_doe.page_parts.words import listed, with_brackets
-from tripod_doe.quantities import count_of, number
 
 _MOST_DRAWN = 1500  # dominated candidates of a figure
 _MOST_LINES = 60  # candidates over parallel axes

@@ -12,7 +12,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Parameter, Value
 from tripod_doe.study.definition.distributions import quantile, scatter_density
 from tripod_doe.study.definition.factors import Factor, checked_factor
-from tripod_doe.study.definition.study_tables import FactorTable
+from tripod_doe.study.definition.study_file_schema import FactorTable
 
 _ABOUT = ("normal", "truncated-normal")  # distributions with a mean
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.optimisation.optimisation_file import ConstraintTable, ObjectiveTable
 from tripod_doe.array_types import FloatArray
 from tripod_doe.model_interface import Outcome
-from tripod_doe.quantities import digits_apart, number
+from tripod_doe.number_text import digits_apart, number
 
 _ROUNDING = 1e-12  # part of a limit within which a value lies on it
 

@@ -11,8 +11,8 @@ from pydantic import ValidationError
 
 from tripod_doe.analyses.optimisation.optimisation_file import AtTable, OptimisationRequest
 from tripod_doe.array_types import FloatArray
-from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.files.csv_table import read_csv_table
 from tripod_doe.model_interface import Parameter, Value
 from tripod_doe.study.definition.complaints import complaints
 from tripod_doe.typed_numbers import number_or_text

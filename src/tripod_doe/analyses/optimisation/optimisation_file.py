@@ -7,7 +7,7 @@ from pydantic import Field
 
 from tripod_doe.errors import InputError
 from tripod_doe.names import check_identifier
-from tripod_doe.study.definition.study_tables import FactorTable, ResponseTable, Scalar, Table
+from tripod_doe.study.definition.study_file_schema import FactorTable, ResponseTable, Scalar, Table
 from tripod_doe.study.definition.table_file import TableFile, read_table_file
 
 

@@ -20,8 +20,8 @@ from tripod_doe.analyses.optimisation.pareto_front import knee
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, best_so_far
 from tripod_doe.array_types import FloatArray
+from tripod_doe.number_text import count_of, level_or_word, number, with_unit
 from tripod_doe.page_parts.words import listed, unit_text
-from tripod_doe.quantities import count_of, level_or_word, number, with_unit
 
 _LAST = 0.01  # part of the objective that counts as the last per cent
 

@@ -10,8 +10,8 @@ from tripod_doe.analyses.optimisation.candidate_text import digits_of_columns
 from tripod_doe.analyses.optimisation.optimisation_file import OptimisationFile
 from tripod_doe.analyses.optimisation.problem import confirmed_base, pasted
 from tripod_doe.errors import CubeError, InputError
+from tripod_doe.number_text import interval, number
 from tripod_doe.page_parts.words import unit_text, with_brackets
-from tripod_doe.quantities import interval, number
 from tripod_doe.study.definition.toml_text import parse_toml
 
 FINDINGS = "findings"

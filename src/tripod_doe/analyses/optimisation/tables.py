@@ -17,8 +17,8 @@ from tripod_doe.analyses.optimisation.candidate_text import (
 from tripod_doe.analyses.optimisation.pareto_front import front_rows
 from tripod_doe.analyses.optimisation.problem import Problem
 from tripod_doe.analyses.optimisation.result import Solved, base_values
+from tripod_doe.number_text import interval, level_or_word, number
 from tripod_doe.page_parts.words import listed, unit_text, with_brackets
-from tripod_doe.quantities import interval, level_or_word, number
 
 _MOST_ROWS = 40
 

@@ -8,9 +8,9 @@ import xarray as xr
 from tripod_doe.analyses.kinds import kind_of
 from tripod_doe.analyses.sensitivity import RANKED
 from tripod_doe.analyses.sensitivity.method import without_interval
+from tripod_doe.number_text import interval, number, rounded_up
 from tripod_doe.page_parts.main_outputs import OutputPart, left_points, main_outputs
 from tripod_doe.page_parts.words import listed, spoken
-from tripod_doe.quantities import interval, number, rounded_up
 
 _MOST_NAMED = 4  # factors that a sentence names
 _NOT_RESOLVED, _BELOW_ERROR = 0, 2  # flags of `resolved`

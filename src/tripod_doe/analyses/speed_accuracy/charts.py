@@ -10,9 +10,9 @@ import xarray as xr
 
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Outcome
+from tripod_doe.number_text import capital
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, MARKERS, MUTED, Chart, drawing, panels
 from tripod_doe.page_parts.words import listed
-from tripod_doe.quantities import capital
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes

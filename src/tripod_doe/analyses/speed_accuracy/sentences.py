@@ -9,7 +9,7 @@ import xarray as xr
 from tripod_doe.analyses.speed_accuracy.speed_accuracy import Known
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Outcome
-from tripod_doe.quantities import capital, level, number
+from tripod_doe.number_text import capital, level, number
 
 _HOW = {
     Known.INTERPOLATED: "interpolated",

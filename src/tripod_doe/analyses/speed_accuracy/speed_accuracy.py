@@ -24,7 +24,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Flag, Outcome
-from tripod_doe.study.definition.study_tables import Table
+from tripod_doe.study.definition.study_file_schema import Table
 
 
 class Known(Flag):

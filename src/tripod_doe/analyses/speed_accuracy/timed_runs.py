@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome, Simulator
-from tripod_doe.quantities import level
+from tripod_doe.number_text import level
 from tripod_doe.study.definition.simulators import load_simulator
-from tripod_doe.study.definition.study_tables import parse_file
+from tripod_doe.study.definition.study_file_schema import parse_file
 
 _SETTINGS = ("step_s", "relative_tolerance", "accuracy")
 """Parameters that control the error of a run; the first one that a run has applies to it."""

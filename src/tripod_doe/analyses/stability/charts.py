@@ -11,9 +11,9 @@ import xarray as xr
 from tripod_doe.analyses.stability.stability import RunKind, map_of, maps
 from tripod_doe.array_types import IntArray
 from tripod_doe.model_interface import Outcome
+from tripod_doe.number_text import level, with_unit
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, Chart, panels
 from tripod_doe.page_parts.words import spoken, unit_text
-from tripod_doe.quantities import level, with_unit
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes

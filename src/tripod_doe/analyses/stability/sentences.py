@@ -7,8 +7,8 @@ import xarray as xr
 
 from tripod_doe.analyses.stability.stability import Agreement, Limit, RunKind, map_of, maps
 from tripod_doe.model_interface import Outcome
+from tripod_doe.number_text import capital, count_of, duration, level, number, rounded_down, text_range, with_unit
 from tripod_doe.page_parts.words import spoken, unit_text
-from tripod_doe.quantities import capital, count_of, duration, level, number, rounded_down, text_range, with_unit
 
 _HEADS = [
     "Varied",

@@ -32,7 +32,7 @@ from tripod_doe.mechanics.integrators.registry import METHODS
 from tripod_doe.model_interface import Flag, Outcome
 from tripod_doe.phases import JUMPS, is_phase
 from tripod_doe.study.definition.simulators import load_simulator
-from tripod_doe.study.definition.study_tables import Table, parse_file
+from tripod_doe.study.definition.study_file_schema import Table, parse_file
 
 _NUMERICS = ("step_s", "relative_tolerance")
 _RATES = ("friction_rate_per_s", "contact_rate_per_s", "secant_lag_rate_per_s")

@@ -4,9 +4,9 @@ import numpy as np
 import xarray as xr
 
 from tripod_doe.analyses.surrogate.what_if_page import what_if_pages
+from tripod_doe.number_text import number, with_unit
 from tripod_doe.page_parts.main_outputs import left_points, main_outputs
 from tripod_doe.page_parts.words import listed
-from tripod_doe.quantities import number, with_unit
 
 _NEARLY_ALL = 99.9  # percent
 

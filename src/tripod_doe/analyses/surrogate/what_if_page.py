@@ -17,9 +17,9 @@ from tripod_doe.analyses.kinds import of_kind
 from tripod_doe.analyses.surrogate.gaussian_process import LEAST_SCALE
 from tripod_doe.analyses.surrogate.what_if import WhatIf, neighbours, read_what_if
 from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.number_text import interval, number, with_unit
 from tripod_doe.page_parts.words import ORDINALS, listed, spoken, unit_text
 from tripod_doe.phases import shorter_way
-from tripod_doe.quantities import interval, number, with_unit
 
 _COVERED = 0.95  # part of the unseen points that a band holds
 _MOST = 6  # orders and outputs that one looks at together

@@ -5,11 +5,11 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.analyses.tolerance.sentences import tolerance_parts
+from tripod_doe.number_text import chance_in_percent
 from tripod_doe.page_parts.charts.chart import COLOURS, INK, MUTED, Chart, drawing, legend_above
 from tripod_doe.page_parts.main_outputs import OutputPart
 from tripod_doe.page_parts.words import spoken
 from tripod_doe.phases import shorter_way
-from tripod_doe.quantities import chance_in_percent
 
 
 def tolerance_charts(result: xr.Dataset, name: str) -> list[Chart]:

@@ -9,7 +9,7 @@ import xarray as xr
 
 from tripod_doe.page_parts.main_outputs import differ
 from tripod_doe.study.definition.distributions import scaled_table, shifted_table
-from tripod_doe.study.definition.study_tables import FactorTable
+from tripod_doe.study.definition.study_file_schema import FactorTable
 
 CONFIRMED = "exceedance_confirmed"
 """Variable of a result: the probability to exceed a limit by the points of a further run."""

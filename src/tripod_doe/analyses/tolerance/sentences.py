@@ -11,6 +11,7 @@ import xarray as xr
 from tripod_doe.analyses.tolerance.chances import points_to_decide
 from tripod_doe.analyses.tolerance.confirmation import CONFIRMED, RUNS, factor_tables, limit_key
 from tripod_doe.analyses.tolerance.narrower_scatter import SCALES, together
+from tripod_doe.number_text import chance_in_percent, count_of, duration, interval, number, text_range, with_unit
 from tripod_doe.page_parts.main_outputs import (
     OutputPart,
     differ,
@@ -21,9 +22,8 @@ from tripod_doe.page_parts.main_outputs import (
     quantile_text,
 )
 from tripod_doe.page_parts.words import listed, place_text, spoken, unit_text
-from tripod_doe.quantities import chance_in_percent, count_of, duration, interval, number, text_range, with_unit
 from tripod_doe.study.definition.distributions import scaled_table, scatter_density, shifted_table
-from tripod_doe.study.definition.study_tables import FactorTable
+from tripod_doe.study.definition.study_file_schema import FactorTable
 
 _MOST_NAMED = 3
 _MOST_EXCEED = 0.5  # part of the points beyond a limit, from which on its nominal value is what is wrong

@@ -36,7 +36,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.cube.model_records import MODEL_ERROR_LIMIT
 from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.definition.study_tables import parse_file
+from tripod_doe.study.definition.study_file_schema import parse_file
 from tripod_doe.study.designs.correlation import correlated_factors
 
 _THIRD = "thrust_amplitude_3"  # the quantity whose error of the model is on record

@@ -31,7 +31,7 @@ from tripod_doe.joint.geometry.transition_velocities import slides_too_slowly
 from tripod_doe.joint.values import JointValues
 from tripod_doe.mechanics.contact_damping_parameters import BOTH
 from tripod_doe.model_interface import Outcome
-from tripod_doe.quantities import rounded_down, rounded_up
+from tripod_doe.number_text import rounded_down, rounded_up
 
 _STATIC_PRESSURE = 4000.0
 """MPa; contact stress of the basic static load rating of roller bearings (ISO 76)."""

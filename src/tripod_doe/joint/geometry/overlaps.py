@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.joint.values import JointValues
-from tripod_doe.quantities import rounded_down, rounded_up
+from tripod_doe.number_text import rounded_down, rounded_up
 
 MARGIN = 1 + 1e-9
 """Factor that keeps a limit in a message on the safe side of rounding errors."""

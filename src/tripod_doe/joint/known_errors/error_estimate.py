@@ -33,7 +33,7 @@ from tripod_doe.joint.known_errors.operating_ratios import RATIOS, WEIGHTS, coor
 from tripod_doe.joint.known_errors.vibration_record import vibration_errors
 from tripod_doe.joint.parameters import JOINT_PARAMETERS
 from tripod_doe.model_interface import Accuracy, Quantity
-from tripod_doe.quantities import value_range
+from tripod_doe.number_text import value_range
 
 RECORDED = Path(__file__).with_name("model_errors.csv")
 """File of the measured errors."""

@@ -39,7 +39,7 @@ from tripod_doe.mechanics.contact_damping_parameters import FACTOR, TIME
 from tripod_doe.mechanics.integrators.monitor import Settings
 from tripod_doe.mechanics.run import Limits, Run, run
 from tripod_doe.mechanics.stability.floquet import Growth, departure_matrices, fastest_growth, oscillating_rates
-from tripod_doe.quantities import duration
+from tripod_doe.number_text import duration
 
 _METHOD = "adaptive-euler"
 """The method whose motion is tested: it damps vibrations. A method of little damping leaves the smooth motion:

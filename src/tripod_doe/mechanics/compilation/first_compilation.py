@@ -22,8 +22,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import StorageError
+from tripod_doe.files.atomic_files import replace_text
 from tripod_doe.mechanics.compilation.sources import cache_root, source_hashes
 from tripod_doe.model_interface import not_counted
 

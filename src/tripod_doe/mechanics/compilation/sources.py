@@ -19,8 +19,8 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import StorageError
+from tripod_doe.files.atomic_files import replace_text
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 _DECIDE_RESULTS = ("mechanics", "joint")

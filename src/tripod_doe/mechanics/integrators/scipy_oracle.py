@@ -13,7 +13,7 @@ from tripod_doe.mechanics.compilation.kernels import kernel
 from tripod_doe.mechanics.integrators.monitor import DIVERGED, EVALUATION_LIMIT, FINISHED, Settings, accept
 from tripod_doe.mechanics.solve.equations_of_motion import evaluate
 from tripod_doe.mechanics.tables import EVALUATIONS, FACTORISATIONS, Tables, Work
-from tripod_doe.one_thread import one_thread
+from tripod_doe.process.one_thread import one_thread
 
 
 class _BudgetSpentError(Exception):

@@ -30,7 +30,7 @@ from tripod_doe.mechanics.assembly import Assembly, State
 from tripod_doe.mechanics.compilation.kernels import kernel
 from tripod_doe.mechanics.forces.constraints import evaluate_constraints
 from tripod_doe.mechanics.solve.equations_of_motion import constraint_rate, copy_vectors, evaluate
-from tripod_doe.one_thread import one_thread
+from tripod_doe.process.one_thread import one_thread
 
 _DIFFERENCE = 1e-6
 """Steps of the differences over the scales of the scene: between curvature and rounding (inverse)."""

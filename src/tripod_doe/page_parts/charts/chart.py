@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tripod_doe.csv_table import csv_cell
+from tripod_doe.files.csv_table import csv_cell
+from tripod_doe.number_text import levels_apart
 from tripod_doe.page_parts.charts.tooltips import add_tooltips, mark_points
-from tripod_doe.quantities import levels_apart
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes

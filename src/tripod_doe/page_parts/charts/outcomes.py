@@ -5,10 +5,10 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.model_interface import Outcome
+from tripod_doe.number_text import level, number
 from tripod_doe.page_parts.charts.chart import INK, Chart, drawing
 from tripod_doe.page_parts.main_results import factor_names, numeric_factors, responses
 from tripod_doe.page_parts.words import axis_label, spoken
-from tripod_doe.quantities import level, number
 
 _COLOURS = {Outcome.FINISHED: "#d6e6f5", Outcome.INACCURATE: "#f2c9ae", Outcome.OUT_OF_RANGE: "#e3e6ea"}
 _FAILED = "#8b96a3"

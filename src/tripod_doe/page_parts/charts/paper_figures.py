@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from tripod_doe.number_text import level, level_or_word, number, with_unit
 from tripod_doe.page_parts.charts.chart import COLOURS, HATCHES, INK, LINES, MUTED, Chart, drawing, legend_above, series
 from tripod_doe.page_parts.main_results import factor_names, finished
 from tripod_doe.page_parts.words import ORDINALS, factor_label
-from tripod_doe.quantities import level, level_or_word, number, with_unit
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes

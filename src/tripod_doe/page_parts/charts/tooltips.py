@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tripod_doe.quantities import number
+from tripod_doe.number_text import number
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.artist import Artist

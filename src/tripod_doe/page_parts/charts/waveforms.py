@@ -10,9 +10,9 @@ import pandas as pd
 import xarray as xr
 
 from tripod_doe.array_types import FloatArray, IntArray
+from tripod_doe.number_text import capital, count_of, number
 from tripod_doe.page_parts.charts.chart import COLOURS, HATCHES, INK, LINES, Chart, drawing, legend_above
 from tripod_doe.page_parts.main_results import finished, point_text
-from tripod_doe.quantities import capital, count_of, number
 
 if TYPE_CHECKING:  # matplotlib is imported when something is drawn
     from matplotlib.axes import Axes

@@ -12,9 +12,9 @@ import xarray as xr
 from tripod_doe.analyses.kinds import kind_of
 from tripod_doe.analyses.registry import findings_of, table_of
 from tripod_doe.errors import InputError
+from tripod_doe.number_text import number, value_with_ends, with_unit
 from tripod_doe.page_parts.main_outputs import differ
 from tripod_doe.page_parts.words import spoken, unit_text
-from tripod_doe.quantities import number, value_with_ends, with_unit
 from tripod_doe.service.explorer.axes import choices, coordinate_axes
 from tripod_doe.service.explorer.figures.elements import label_of
 from tripod_doe.service.explorer.open_cubes import opened

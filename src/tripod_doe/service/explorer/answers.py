@@ -13,10 +13,10 @@ import xarray as xr
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Outcome
 from tripod_doe.motion_page.page import motion_page, viewed_point
+from tripod_doe.number_text import duration, level_or_word, number, with_unit
 from tripod_doe.page_parts.main_results import factor_names, study_tables
 from tripod_doe.page_parts.tables import failed_points
 from tripod_doe.page_parts.words import unit_text
-from tripod_doe.quantities import duration, level_or_word, number, with_unit
 from tripod_doe.reports.joint_drawing import drawing_of
 from tripod_doe.service.explorer.axes import choices, coordinate_axes, design_of, drawn_view, full_view
 from tripod_doe.service.explorer.controls import controls, view_title

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from tripod_doe.number_text import capital
 from tripod_doe.page_parts.words import unit_text
-from tripod_doe.quantities import capital
 from tripod_doe.service.explorer.axes import Axis, design_of, variable_axes
 from tripod_doe.service.explorer.figures.elements import label_of
 from tripod_doe.service.explorer.view import OF_POINTS, View

@@ -7,7 +7,7 @@ import xarray as xr
 
 from tripod_doe.analyses.kinds import kind_of
 from tripod_doe.analyses.registry import findings_of, table_of
-from tripod_doe.quantities import plain_json
+from tripod_doe.number_text import plain_json
 
 
 def describe_cube(cube: xr.Dataset) -> dict[str, Any]:

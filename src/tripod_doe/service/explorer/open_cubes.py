@@ -7,8 +7,8 @@ from pathlib import Path
 
 import xarray as xr
 
-from tripod_doe.checksum_list import number_in
-from tripod_doe.regular_files import version_of
+from tripod_doe.files.checksum_list import number_in
+from tripod_doe.files.regular_files import version_of
 from tripod_doe.service.explorer.candidates import as_points
 from tripod_doe.study.cube.file_checks import analysis_files, refuse_unfit
 from tripod_doe.study.cube.lazy_dataset import lazy_dataset

@@ -10,10 +10,10 @@ import xarray as xr
 
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
+from tripod_doe.number_text import count_of
 from tripod_doe.page_parts.main_results import factor_names
 from tripod_doe.page_parts.words import listed
 from tripod_doe.phases import is_phase, shorter_way
-from tripod_doe.quantities import count_of
 from tripod_doe.service.explorer.axes import coordinate_axes, design_of
 from tripod_doe.service.explorer.figures.elements import (
     IS_DIFFERENCE,

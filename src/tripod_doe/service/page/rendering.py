@@ -10,8 +10,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
+from tripod_doe.number_text import duration, in_words, number, size
 from tripod_doe.page_parts.markdown import markdown
-from tripod_doe.quantities import duration, in_words, number, size
 from tripod_doe.service.explorer.view import selected_text
 from tripod_doe.service.page.asset_files import stamp
 from tripod_doe.service.runs.run_table import Run

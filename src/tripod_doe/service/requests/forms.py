@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from tripod_doe.service.problems import Problem
 from tripod_doe.service.requests.uploads import KINDS
-from tripod_doe.study.definition.study_tables import NO_BOOLEAN
+from tripod_doe.study.definition.study_file_schema import NO_BOOLEAN
 
 _STUDY = """[study]
 name = "two angles"

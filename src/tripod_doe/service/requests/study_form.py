@@ -17,7 +17,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Parameter
 from tripod_doe.page_parts.words import spoken, unit_text, with_brackets
 from tripod_doe.study.definition.simulators import SCENES, load_simulator
-from tripod_doe.study.definition.study_tables import DESIGN_KEYS, DesignTable, keys_read_by
+from tripod_doe.study.definition.study_file_schema import DESIGN_KEYS, DesignTable, keys_read_by
 from tripod_doe.study.definition.toml_text import parse_toml
 from tripod_doe.typed_numbers import readings, typed_number
 

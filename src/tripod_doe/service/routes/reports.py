@@ -5,9 +5,9 @@ from typing import Literal
 from fastapi import APIRouter, Request
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 
-from tripod_doe.checksum_list import refuse_changed
 from tripod_doe.errors import CubeError
-from tripod_doe.regular_files import read_regular
+from tripod_doe.files.checksum_list import refuse_changed
+from tripod_doe.files.regular_files import read_regular
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.routes.dependencies import IN_SANDBOX, REFUSALS, AnyService, errors_at, gives
 from tripod_doe.service.security.delivered_files import file_within

@@ -29,7 +29,7 @@ async def limits(service: AnyService) -> dict[str, Any]:
 @router.get("/schema/study")
 def study_schema(scene: Annotated[str, Query(description="scene whose studies they are")] = "joint") -> dict[str, Any]:
     """JSON Schema of study files of a scene."""
-    from tripod_doe.study.definition.schema import study_schema
+    from tripod_doe.study.definition.json_schema import study_schema
 
     return study_schema(scene)
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from tripod_doe.atomic_files import remove_tree
 from tripod_doe.errors import StorageError
+from tripod_doe.files.atomic_files import remove_tree
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.runs.run_end import is_exchanged
 from tripod_doe.service.runs.run_table import Run, RunTable, now, stamp

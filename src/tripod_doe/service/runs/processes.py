@@ -21,7 +21,7 @@ from pathlib import Path
 import psutil
 
 from tripod_doe.errors import InputError
-from tripod_doe.regular_files import open_locked, opened_regular, read_regular
+from tripod_doe.files.regular_files import open_locked, opened_regular, read_regular
 from tripod_doe.service.requests.uploads import UPLOAD, main_file
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.workers.forking import start_program

@@ -11,10 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.atomic_files import refuse_links, remove_tree
-from tripod_doe.checksum_list import results_number
 from tripod_doe.errors import CubeError, InputError
-from tripod_doe.regular_files import read_regular
+from tripod_doe.files.atomic_files import refuse_links, remove_tree
+from tripod_doe.files.checksum_list import results_number
+from tripod_doe.files.regular_files import read_regular
 from tripod_doe.service.problems import RefusedError, among_runs
 from tripod_doe.service.requests.uploads import STUDY, UPLOAD, main_file
 from tripod_doe.service.runs.processes import has_begun, last_words

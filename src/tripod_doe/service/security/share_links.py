@@ -15,9 +15,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError
-from tripod_doe.regular_files import read_regular
+from tripod_doe.files.atomic_files import replace_text
+from tripod_doe.files.regular_files import read_regular
 from tripod_doe.service.problems import RefusedError
 
 SHARES = "shares.json"

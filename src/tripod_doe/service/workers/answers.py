@@ -326,7 +326,7 @@ def base(path: str, kind: str, candidate: int | None) -> str:
 
 def compare(path: str, body: bytes, limits: Limits) -> Any:
     """A measurement beside a point of a cube, as ``compare --format json`` gives it."""
-    from tripod_doe.service.explorer.measurements import compare_upload
+    from tripod_doe.service.explorer.uploaded_measurement import compare_upload
 
     return compare_upload(path, **read_form(body, Comparison, limits.nesting).model_dump())
 
@@ -378,14 +378,14 @@ def simulated(body: bytes, limits: Limits) -> Any:
 
 def lay_over(path: str, body: bytes, limits: Limits) -> Any:
     """A measurement compared with a point of a cube, in words and figures."""
-    from tripod_doe.service.explorer.measurements import lay_over
+    from tripod_doe.service.explorer.uploaded_measurement import lay_over
 
     return lay_over(path, **read_form(body, Comparison, limits.nesting).model_dump())
 
 
 def preview(body: bytes, limits: Limits) -> Any:
     """Headings and first rows of an uploaded measurement, and the column assigned to each heading."""
-    from tripod_doe.service.explorer.measurements import preview
+    from tripod_doe.service.explorer.uploaded_measurement import preview
 
     return preview(read_form(body, Table, limits.nesting).measurement)
 

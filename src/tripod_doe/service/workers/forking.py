@@ -15,7 +15,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.regular_files import open_locked
+from tripod_doe.files.regular_files import open_locked
 from tripod_doe.study.execution.child_process import shorten_temporary_folder
 
 _SAFE, _STARTING = "PYTHONSAFEPATH", threading.Lock()
@@ -24,7 +24,7 @@ _MOST_FILES = 4096  # file descriptors that a run closes
 shorten_temporary_folder()
 context = multiprocessing.get_context("forkserver")
 context.set_forkserver_preload(
-    [f"tripod_doe.{name}" for name in ("own_process", "cli.main", "service.workers.preload")]
+    [f"tripod_doe.{name}" for name in ("process.own_process", "cli.main", "service.workers.preload")]
 )
 
 

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tripod_doe.checksum_list import names_results, number_in, refuse_changed, refuse_other_results
 from tripod_doe.errors import CubeError
+from tripod_doe.files.checksum_list import names_results, number_in, refuse_changed, refuse_other_results
+from tripod_doe.files.regular_files import refuse_irregular, version_of
 from tripod_doe.model_interface import Outcome
-from tripod_doe.regular_files import refuse_irregular, version_of
 from tripod_doe.study.cube.file_digest import is_damaged, is_sealed
 from tripod_doe.study.cube.netcdf import opened_file, reading, remedy, results_in_history
 from tripod_doe.study.journal import STUDY_HASH, Journal, journal_path

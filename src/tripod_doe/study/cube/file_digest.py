@@ -11,7 +11,7 @@ import re
 import struct
 from pathlib import Path
 
-from tripod_doe.regular_files import version_of
+from tripod_doe.files.regular_files import version_of
 
 _MARK = b"tripod-doe sha256 "
 _LENGTH = len(_MARK) + 64 + 1

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from tripod_doe.atomic_files import replace_file
-from tripod_doe.checksum_list import listed_file
 from tripod_doe.errors import CubeError, option
-from tripod_doe.quantities import size
+from tripod_doe.files.atomic_files import replace_file
+from tripod_doe.files.checksum_list import listed_file
+from tripod_doe.number_text import size
 from tripod_doe.study.cube.file_digest import seal
 from tripod_doe.study.cube.file_links import refuse_outside
 from tripod_doe.study.cube.netcdf_lock import NETCDF_LOCK

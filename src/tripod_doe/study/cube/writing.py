@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tripod_doe.checksum_list import number_in
+from tripod_doe.files.checksum_list import number_in
 from tripod_doe.model_interface import take_labels
 from tripod_doe.study.cube.dataset import PlacedBlock, cf_points, design_coordinates, part_of_cube
 from tripod_doe.study.cube.model_records import ModelRecords

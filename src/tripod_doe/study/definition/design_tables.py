@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Parameter, Simulator
-from tripod_doe.study.definition.study_tables import DESIGN_KEYS, DesignTable, FactorTable, StudyFile, keys_read_by
+from tripod_doe.study.definition.study_file_schema import DESIGN_KEYS, DesignTable, FactorTable, StudyFile, keys_read_by
 
 
 def designs_of(file: StudyFile) -> list[DesignTable]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.factors import Factor
-from tripod_doe.study.definition.study_tables import FactorTable
+from tripod_doe.study.definition.study_file_schema import FactorTable
 
 _NARROW, _FAR = 1e-5, 1e3  # width of a range, and distance from it to the mean, in standard deviations
 _STRAIGHT = 1e-12  # decay below which a density is constant to rounding

@@ -7,7 +7,7 @@ import numpy as np
 
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Parameter, Value
-from tripod_doe.study.definition.study_tables import FactorTable, Scalar
+from tripod_doe.study.definition.study_file_schema import FactorTable, Scalar
 
 
 @dataclass(frozen=True)

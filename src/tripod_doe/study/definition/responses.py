@@ -12,7 +12,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.model_interface import WORK, Simulator, Value
 from tripod_doe.names import check_identifier
 from tripod_doe.phases import is_phase_name, shorter_way
-from tripod_doe.study.definition.study_tables import ResponseTable
+from tripod_doe.study.definition.study_file_schema import ResponseTable
 from tripod_doe.study.expressions import MOST_VALUES, Expression
 from tripod_doe.study.named_arrays import NamedArray
 

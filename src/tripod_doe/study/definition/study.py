@@ -14,8 +14,8 @@ from tripod_doe.study.definition.accuracy_table import AutoModel
 from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.definition.responses import Response, stored_outputs
 from tripod_doe.study.definition.retry_plan import NO_RETRIES, RetryPlan
+from tripod_doe.study.definition.study_file_schema import StudyFile
 from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.definition.study_tables import StudyFile
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,7 @@ from tripod_doe.study.definition.responses import check_responses, stored_output
 from tripod_doe.study.definition.retry_plan import check_retries
 from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.definition.study_tables import (
+from tripod_doe.study.definition.study_file_schema import (
     AccuracyTable,
     FactorTable,
     RunTable,
@@ -33,6 +32,7 @@ from tripod_doe.study.definition.study_tables import (
     StudyTable,
     parse_file,
 )
+from tripod_doe.study.definition.study_folder import StudyFolder
 from tripod_doe.study.definition.toml_text import parse_toml, read_text, toml_text
 from tripod_doe.study.expressions import Expression
 

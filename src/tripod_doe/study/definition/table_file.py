@@ -9,8 +9,8 @@ from pydantic import ValidationError
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.complaints import complaints
+from tripod_doe.study.definition.study_file_schema import Table
 from tripod_doe.study.definition.study_folder import StudyFolder
-from tripod_doe.study.definition.study_tables import Table
 from tripod_doe.study.definition.toml_text import parse_toml, read_text
 from tripod_doe.study.expressions import Expression
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.checksum_list import refuse_changed
 from tripod_doe.errors import InputError, closest
-from tripod_doe.regular_files import STUDY_BYTES, read_regular, text_of
+from tripod_doe.files.checksum_list import refuse_changed
+from tripod_doe.files.regular_files import STUDY_BYTES, read_regular, text_of
 
 _MOST_PARTS = 16
 _LONGEST_SHOWN = 80  # characters of a value

@@ -11,7 +11,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.definition.study_tables import DesignTable, FactorTable
+from tripod_doe.study.definition.study_file_schema import DesignTable, FactorTable
 
 Column = NDArray[Any]
 """Values of one factor or label, shape (point,)."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
-from tripod_doe.study.definition.study_tables import DesignTable, FactorTable
+from tripod_doe.study.definition.study_file_schema import DesignTable, FactorTable
 from tripod_doe.study.designs.sampling import INDEPENDENT, salib_problem, sampled, samples_of
 
 CURVE_HARMONICS = 4

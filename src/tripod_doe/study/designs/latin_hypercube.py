@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.study.definition.study_tables import DesignTable, FactorTable
+from tripod_doe.study.definition.study_file_schema import DesignTable, FactorTable
 from tripod_doe.study.designs.sampling import sampled, samples_of
 
 

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from tripod_doe.array_types import FloatArray
-from tripod_doe.study.definition.study_tables import DesignTable, FactorTable
+from tripod_doe.study.definition.study_file_schema import DesignTable, FactorTable
 from tripod_doe.study.designs.sampling import salib_problem, sampled, samples_of
 
 _STEPS = "each of its steps changes one factor, independently of the others"

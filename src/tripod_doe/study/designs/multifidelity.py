@@ -12,7 +12,7 @@ from tripod_doe.errors import InputError, near_match
 from tripod_doe.model_interface import Value
 from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.definition.study_tables import DesignTable, FactorTable
+from tripod_doe.study.definition.study_file_schema import DesignTable, FactorTable
 from tripod_doe.study.designs.correlation import correlated, correlation_matrix
 from tripod_doe.study.designs.design_interface import SAMPLED_BYTES, Family, Made, Request, column_of, factor_groups
 from tripod_doe.study.designs.saltelli import first_order_blocks

@@ -12,7 +12,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError, near_match
 from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.definition.study import Study
-from tripod_doe.study.definition.study_tables import DesignTable, FactorTable
+from tripod_doe.study.definition.study_file_schema import DesignTable, FactorTable
 from tripod_doe.study.designs.ablation import ABLATION
 from tripod_doe.study.designs.design_interface import Column, Family, Made, Request, crossed
 from tripod_doe.study.designs.factorial import FACTORIAL

@@ -11,7 +11,7 @@ from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.distributions import has_levels, is_unbounded, quantile
 from tripod_doe.study.definition.factors import Factor
-from tripod_doe.study.definition.study_tables import DesignTable, FactorTable
+from tripod_doe.study.definition.study_file_schema import DesignTable, FactorTable
 from tripod_doe.study.designs.correlation import correlated, correlation_matrix
 from tripod_doe.study.designs.design_interface import (
     SAMPLED_BYTES,

@@ -7,7 +7,7 @@ import numpy as np
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
-from tripod_doe.study.definition.study_tables import DesignTable, FactorTable
+from tripod_doe.study.definition.study_file_schema import DesignTable, FactorTable
 from tripod_doe.study.designs.sampling import sampled, samples_of
 
 _LONGEST = 1 << 30  # points of a Sobol' sequence

@@ -2,8 +2,8 @@
 
 import math
 
-from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, closest, near_match
+from tripod_doe.files.csv_table import read_csv_table
 from tripod_doe.model_interface import Parameter, Value, is_set
 from tripod_doe.study.definition.factors import Factor
 from tripod_doe.study.designs.design_interface import Family, Made, Request

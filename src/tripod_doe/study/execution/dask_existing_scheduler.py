@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import SplitResult, urlsplit
 
 from tripod_doe.errors import InputError, TripodDoeError, option
-from tripod_doe.quantities import duration
+from tripod_doe.number_text import duration
 
 if TYPE_CHECKING:  # Dask takes a second to import
     from distributed import Client

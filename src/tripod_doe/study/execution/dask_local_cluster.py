@@ -34,7 +34,7 @@ if TYPE_CHECKING:  # this program starts its own children before it imports Dask
     from distributed import Client
 
 _CREDENTIALS = ("tls_ca_file", "tls_client_cert", "tls_client_key")
-_OWN = "tripod_doe.own_process"
+_OWN = "tripod_doe.process.own_process"
 _END = 5.0  # seconds for a program that has closed its output to end
 
 QUIET = {

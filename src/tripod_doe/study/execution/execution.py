@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
-from tripod_doe.interrupts import check_interrupt
 from tripod_doe.model_interface import BlockResult, Outcome
+from tripod_doe.process.interrupts import check_interrupt
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.execution.block_answer import Answer, AtWork, Lost
 from tripod_doe.study.execution.block_queue import BlockQueue

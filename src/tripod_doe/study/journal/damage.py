@@ -10,10 +10,10 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.checksum_list import number_in
 from tripod_doe.errors import CubeError, option
-from tripod_doe.quantities import count_of
-from tripod_doe.regular_files import refuse_irregular
+from tripod_doe.files.checksum_list import number_in
+from tripod_doe.files.regular_files import refuse_irregular
+from tripod_doe.number_text import count_of
 from tripod_doe.study.journal.rows import (
     BLOCK_COLUMNS,
     NOTE_COLUMNS,

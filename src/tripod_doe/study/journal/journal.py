@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.checksum_list import JOURNAL
 from tripod_doe.errors import CubeError, StorageError
+from tripod_doe.files.checksum_list import JOURNAL
 from tripod_doe.study.journal.damage import (
     KERNELS,
     OUTDATED,

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tripod_doe.atomic_files import replace_file
-from tripod_doe.checksum_list import MOST_RESULTS
+from tripod_doe.files.atomic_files import replace_file
+from tripod_doe.files.checksum_list import MOST_RESULTS
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.journal.finished_block import FinishedBlock, decode, encode
 

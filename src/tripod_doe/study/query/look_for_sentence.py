@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import xarray as xr
 
 from tripod_doe.errors import InputError
-from tripod_doe.quantities import count_of, level
+from tripod_doe.number_text import count_of, level
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.query.query import records
 

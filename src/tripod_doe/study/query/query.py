@@ -17,11 +17,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.csv_table import csv_cell
 from tripod_doe.errors import CubeError, InputError, near_match, option, printable
+from tripod_doe.files.csv_table import csv_cell
 from tripod_doe.model_interface import Outcome
+from tripod_doe.number_text import level, plain_json
 from tripod_doe.phases import is_phase, is_phase_name
-from tripod_doe.quantities import level, plain_json
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.cube.slab_reading import read_positions
 from tripod_doe.study.cube.slabs import box, slabs
@@ -263,7 +263,7 @@ class _Cells:
 def _not_kept(study: str, name: str) -> str:
     """What to do for an output that the simulator of a study has and the study does not keep; empty for others."""
     from tripod_doe.study.definition.simulators import load_simulator  # slow to import: every query would wait for them
-    from tripod_doe.study.definition.study_tables import parse_file
+    from tripod_doe.study.definition.study_file_schema import parse_file
 
     with suppress(InputError):
         table = parse_file(study, "the study in the cube").study

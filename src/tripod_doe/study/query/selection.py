@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
 from tripod_doe.errors import InputError, option
-from tripod_doe.quantities import level
+from tripod_doe.number_text import level
 from tripod_doe.study.named_arrays import MATCH, meant
 from tripod_doe.typed_numbers import number_or_text, readings, typed_number
 

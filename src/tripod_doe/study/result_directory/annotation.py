@@ -11,9 +11,9 @@ from typing import Any
 
 import tomlkit
 
-from tripod_doe.atomic_files import replace_text
 from tripod_doe.errors import InputError, StorageError, printable
-from tripod_doe.regular_files import read_regular
+from tripod_doe.files.atomic_files import replace_text
+from tripod_doe.files.regular_files import read_regular
 from tripod_doe.study.definition.toml_text import parse_toml
 
 FILE = "about.toml"

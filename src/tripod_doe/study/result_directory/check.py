@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tripod_doe.checksum_list import LIST, checksums, damaged_lines, refuse_changed, refuse_other_results
 from tripod_doe.errors import CubeError, InputError, option
+from tripod_doe.files.checksum_list import LIST, checksums, damaged_lines, refuse_changed, refuse_other_results
 from tripod_doe.study.cube.file_checks import ANALYSES, refuse_unfit
 from tripod_doe.study.cube.file_digest import is_sealed
 from tripod_doe.study.cube.netcdf import opened_file, reading
 from tripod_doe.study.cube.slabs import box, slabs
-from tripod_doe.study.definition.study_tables import parse_file
+from tripod_doe.study.definition.study_file_schema import parse_file
 from tripod_doe.study.journal import OUTDATED, SHOWN, Journal, damage, journal_path
 from tripod_doe.study.result_directory.latest_run import failed_analyses
 from tripod_doe.study.result_directory.stored_study import STORED, known_texts, refuse_changed_study, stored_text

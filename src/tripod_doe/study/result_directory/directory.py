@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from tripod_doe.atomic_files import refuse_links, replace_text
-from tripod_doe.checksum_list import remove_pages
 from tripod_doe.errors import InputError, option
-from tripod_doe.quantities import size
+from tripod_doe.files.atomic_files import refuse_links, replace_text
+from tripod_doe.files.checksum_list import remove_pages
+from tripod_doe.number_text import size
 from tripod_doe.study.cube.dataset import build_cube
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.cube.netcdf import refuse_backslash

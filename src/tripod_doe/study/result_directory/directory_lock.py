@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from tripod_doe.errors import InputError, StorageError, option
-from tripod_doe.regular_files import open_locked, read_regular
+from tripod_doe.files.regular_files import open_locked, read_regular
 
 _LOCK = ".lock"
 _SIGNING = 0.2  # seconds in which a process that has the lock names itself

@@ -3,8 +3,8 @@
 from contextlib import suppress
 from pathlib import Path
 
-from tripod_doe.checksum_list import listed_json
 from tripod_doe.errors import TripodDoeError, printable
+from tripod_doe.files.checksum_list import listed_json
 from tripod_doe.study.cube.file_checks import ANALYSES
 from tripod_doe.study.journal import Journal, journal_path
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.array_types import IntArray
-from tripod_doe.checksum_list import refuse_other_results
 from tripod_doe.errors import CubeError, InputError, option
+from tripod_doe.files.checksum_list import refuse_other_results
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.lazy_dataset import lazy_dataset
 from tripod_doe.study.definition.study import Study, canonical

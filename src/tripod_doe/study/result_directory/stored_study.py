@@ -12,14 +12,14 @@ from typing import Any
 
 import tomlkit
 
-from tripod_doe.checksum_list import refuse_other_results, write_listed
 from tripod_doe.errors import CubeError, InputError, option
-from tripod_doe.regular_files import STUDY_BYTES, TEXT_BYTES, read_regular, refuse_irregular
+from tripod_doe.files.checksum_list import refuse_other_results, write_listed
+from tripod_doe.files.regular_files import STUDY_BYTES, TEXT_BYTES, read_regular, refuse_irregular
 from tripod_doe.study.definition.function import FunctionSimulator, RecordedFunction
 from tripod_doe.study.definition.study import Study
 from tripod_doe.study.definition.study_file import parse_study
+from tripod_doe.study.definition.study_file_schema import StudyFile, parse_file
 from tripod_doe.study.definition.study_folder import StudyFolder, table_copy
-from tripod_doe.study.definition.study_tables import StudyFile, parse_file
 from tripod_doe.study.definition.toml_text import read_text
 from tripod_doe.study.journal import STUDY, Journal, journal_path, text_digest
 

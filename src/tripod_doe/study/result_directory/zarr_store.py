@@ -4,8 +4,8 @@ import importlib.util
 import shutil
 from pathlib import Path
 
-from tripod_doe.atomic_files import remedy
 from tripod_doe.errors import InputError, StorageError, option
+from tripod_doe.files.atomic_files import remedy
 from tripod_doe.study.result_directory.open_cube import open_cube
 
 _STORE = "cube.zarr"

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.model_interface import OUTCOME_MEANINGS, Outcome
+from tripod_doe.number_text import level, with_unit
 from tripod_doe.page_parts.main_results import spaced_by_ratios
 from tripod_doe.page_parts.words import spoken, unit_text, with_brackets
-from tripod_doe.quantities import level, with_unit
 
 Figure = dict[str, Any]
 """A figure as Plotly takes it: ``{"data": [...], "layout": {...}}``."""

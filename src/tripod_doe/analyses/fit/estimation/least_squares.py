@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.analyses.fit.misfit import Compared, Misfit
-from tripod_doe.analyses.fit.unknowns import Layout
+from tripod_doe.analyses.fit.estimation.misfit import Compared, Misfit
+from tripod_doe.analyses.fit.estimation.unknowns import Layout
 from tripod_doe.array_types import ComplexArray, FloatArray
 
 Predict = Callable[[FloatArray], ComplexArray]

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.analyses.fit.identifiability import known_variances
-from tripod_doe.analyses.fit.least_squares import Descent
-from tripod_doe.analyses.fit.misfit import Misfit, Rows
+from tripod_doe.analyses.fit.estimation.identifiability import known_variances
+from tripod_doe.analyses.fit.estimation.least_squares import Descent
+from tripod_doe.analyses.fit.estimation.misfit import Misfit, Rows
 from tripod_doe.array_types import FloatArray
 
 _SPREAD = 0.7

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 import tripod_doe as td
-from tripod_doe.atomic_files import replace_file, replace_text
+from tripod_doe.files.atomic_files import replace_file, replace_text
 from tripod_doe.study.cube.netcdf import write_dataset
 
 

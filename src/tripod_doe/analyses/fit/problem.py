@@ -1,4 +1,4 @@
-"""A fit file with its records: checked, laid out as scalars, and turned into points of the model.
+"""A fit as a problem: its file and records, checked, laid out as scalars, and turned into points of the model.
 
 The function that computes points is an argument, so that this module needs neither journals nor workers.
 """
@@ -14,20 +14,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_doe.analyses.comparison.plausibility import doubts_of_fit
-from tripod_doe.analyses.fit.fit import Skews, Solution, solve
+from tripod_doe.analyses.fit.estimation.identifiability import skews_alike
+from tripod_doe.analyses.fit.estimation.kept_skews import (
+    UNLIKELY,
+    first_look,
+    improbability_of,
+    joined,
+    with_initial_skews,
+)
+from tripod_doe.analyses.fit.estimation.least_squares import Descent, Predict
+from tripod_doe.analyses.fit.estimation.misfit import Rows
+from tripod_doe.analyses.fit.estimation.solution import Skews, Solution, solve
+from tripod_doe.analyses.fit.estimation.unknowns import Layout, Unknown, make_layout
 from tripod_doe.analyses.fit.fit_file import FitRequest
-from tripod_doe.analyses.fit.identifiability import skews_alike
-from tripod_doe.analyses.fit.kept_skews import UNLIKELY, first_look, improbability_of, joined, with_initial_skews
-from tripod_doe.analyses.fit.least_squares import Descent, Predict
-from tripod_doe.analyses.fit.misfit import Rows
 from tripod_doe.analyses.fit.model_error import TURNING, ModelError, Needles, model_error
 from tripod_doe.analyses.fit.records import RigRecord, make_rows, measured_orders, read_records
-from tripod_doe.analyses.fit.unknowns import Layout, Unknown, make_layout
 from tripod_doe.array_types import ComplexArray, FloatArray
-from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError, near_match
+from tripod_doe.files.csv_table import read_csv_table
 from tripod_doe.model_interface import Parameter, Simulator, Value, check_parameters
-from tripod_doe.quantities import level_or_word
+from tripod_doe.number_text import level_or_word
 from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.typed_numbers import number_or_text
 
@@ -44,7 +50,7 @@ _SKEWS = tuple(f"initial_skew_{at}_deg" for at in (1, 2, 3))
 _MOST_CANDIDATES = 10_000  # operating points of [next]
 
 
-class RigFit:
+class FitProblem:
     """A fit file with its records, unknowns, and the points that they need."""
 
     def __init__(self, request: FitRequest) -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.analyses.fit.least_squares import Descent, Problem
+from tripod_doe.analyses.fit.estimation.least_squares import Descent, Problem
 from tripod_doe.array_types import FloatArray
 
 _STEPS = 12  # along a profile

@@ -6,8 +6,8 @@ import re
 
 import pytest
 
-from tripod_doe.csv_table import read_csv_table
 from tripod_doe.errors import InputError
+from tripod_doe.files.csv_table import read_csv_table
 
 
 def test_rows_are_known_by_their_lines(tmp_path):

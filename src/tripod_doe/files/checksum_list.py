@@ -25,9 +25,9 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tripod_doe.atomic_files import refuse_links, replace_file, replace_text
 from tripod_doe.errors import CubeError, InputError, StorageError, option
-from tripod_doe.regular_files import open_locked, opened_regular, read_regular
+from tripod_doe.files.atomic_files import refuse_links, replace_file, replace_text
+from tripod_doe.files.regular_files import open_locked, opened_regular, read_regular
 
 LIST = "checksums.sha256"
 """File of a folder of results."""

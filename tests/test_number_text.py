@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from tripod_doe.quantities import (
+from tripod_doe.number_text import (
     chance_in_percent,
     count_of,
     digits_apart,

@@ -17,7 +17,7 @@ from tripod_doe.analyses.comparison.sentences import ORDER_HEADS, comparison_jso
 from tripod_doe.errors import InputError
 from tripod_doe.measurements.headings import OPERATING, ROLES, roles_of
 from tripod_doe.measurements.record_file import read_table_of
-from tripod_doe.quantities import interval
+from tripod_doe.number_text import interval
 from tripod_doe.service.explorer.figures.lines import lines
 from tripod_doe.service.explorer.figures.point import bars
 from tripod_doe.study.result_directory.open_cube import opened_study

@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_doe.analyses.fit.error_size import estimate_error_size, improbability
-from tripod_doe.analyses.fit.exploration import first_places, interpolated
-from tripod_doe.analyses.fit.fit import Skews, Solution, with_verdicts
-from tripod_doe.analyses.fit.least_squares import Descent, Predict, Problem, distinct
-from tripod_doe.analyses.fit.misfit import Misfit, Rows
+from tripod_doe.analyses.fit.estimation.error_size import estimate_error_size, improbability
+from tripod_doe.analyses.fit.estimation.exploration import first_places, interpolated
+from tripod_doe.analyses.fit.estimation.least_squares import Descent, Predict, Problem, distinct
+from tripod_doe.analyses.fit.estimation.misfit import Misfit, Rows
+from tripod_doe.analyses.fit.estimation.profile_likelihood import Profile
+from tripod_doe.analyses.fit.estimation.solution import Skews, Solution, with_verdicts
 from tripod_doe.analyses.fit.model_error import Needles, second_of_skews
-from tripod_doe.analyses.fit.profile_likelihood import Profile
 from tripod_doe.array_types import ComplexArray, FloatArray
 
 UNLIKELY = float(2 * np.log(20))

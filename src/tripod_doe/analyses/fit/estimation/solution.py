@@ -1,4 +1,4 @@
-"""The fit: minima from several starts, records that do not fit, profiles, verdicts, and the model asked for.
+"""The solution of a fit: minima from several starts, records that do not fit, profiles, verdicts, the model asked for.
 
 The search runs on the cheapest model that knows the unknowns. Where a finer one is asked for, its difference from the
 cheap one at the minimum is added to the cheap model, and the minimum is looked for again, until it stays: so the finer
@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, t
 
-from tripod_doe.analyses.fit.error_size import ErrorSize, estimate_error_size
-from tripod_doe.analyses.fit.exploration import explore, first_places, interpolated
-from tripod_doe.analyses.fit.identifiability import FOUND, Combination, combinations, covariance_of, verdict
-from tripod_doe.analyses.fit.least_squares import Descent, Predict, Problem, distinct, is_same
-from tripod_doe.analyses.fit.misfit import Misfit, Rows
-from tripod_doe.analyses.fit.profile_likelihood import BetterMinimum, Profile, profile, slid, smallest_gain
-from tripod_doe.analyses.fit.unknowns import Layout
+from tripod_doe.analyses.fit.estimation.error_size import ErrorSize, estimate_error_size
+from tripod_doe.analyses.fit.estimation.exploration import explore, first_places, interpolated
+from tripod_doe.analyses.fit.estimation.identifiability import FOUND, Combination, combinations, covariance_of, verdict
+from tripod_doe.analyses.fit.estimation.least_squares import Descent, Predict, Problem, distinct, is_same
+from tripod_doe.analyses.fit.estimation.misfit import Misfit, Rows
+from tripod_doe.analyses.fit.estimation.profile_likelihood import BetterMinimum, Profile, profile, slid, smallest_gain
+from tripod_doe.analyses.fit.estimation.unknowns import Layout
 from tripod_doe.array_types import ComplexArray, FloatArray
 from tripod_doe.errors import InputError
 

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from tripod_doe.study.definition.accuracy_table import AUTO
 from tripod_doe.study.definition.simulators import SCENES, load_simulator
-from tripod_doe.study.definition.study_tables import TABLES, StudyFile
+from tripod_doe.study.definition.study_file_schema import TABLES, StudyFile
 
 
 def study_schema(scene: str = "joint") -> dict[str, Any]:

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from tripod_doe.checksum_list import write_listed
 from tripod_doe.errors import InputError
+from tripod_doe.files.checksum_list import write_listed
+from tripod_doe.files.regular_files import open_locked, read_regular
 from tripod_doe.measurements.record_file import read_record
-from tripod_doe.regular_files import open_locked, read_regular
 from tripod_doe.service.runs.processes import is_held, run_log, run_process, start_run
 from tripod_doe.service.runs.run_table import TABLE, RunTable
 from tripod_doe.service.server import _locked_folder

@@ -12,9 +12,9 @@ from contextlib import suppress
 
 import pytest
 
-from tripod_doe.checksum_list import LIST, checksums, is_changed, refuse_changed, write_listed
 from tripod_doe.cli import main
 from tripod_doe.errors import CubeError
+from tripod_doe.files.checksum_list import LIST, checksums, is_changed, refuse_changed, write_listed
 
 
 def flip(path, text):

@@ -11,9 +11,9 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
-from tripod_doe.checksum_list import refuse_changed
 from tripod_doe.errors import InputError, TooLargeError, printable
-from tripod_doe.regular_files import read_regular, text_of
+from tripod_doe.files.checksum_list import refuse_changed
+from tripod_doe.files.regular_files import read_regular, text_of
 from tripod_doe.typed_numbers import number_or_text, readings
 
 _ABOVE = re.compile(r"\s*(?:$|#(?![,;\t]))|\"?sep=.\"?\r?$", re.I)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tripod_doe.analyses.fit.profile_likelihood import Profile
-from tripod_doe.analyses.fit.unknowns import Layout
+from tripod_doe.analyses.fit.estimation.profile_likelihood import Profile
+from tripod_doe.analyses.fit.estimation.unknowns import Layout
 from tripod_doe.array_types import FloatArray
 
 FOUND, ONE_SIDED, NOT_IDENTIFIED, COMBINATION = "found", "one-sided", "not-identified", "combination"

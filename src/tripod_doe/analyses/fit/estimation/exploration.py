@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
-from tripod_doe.analyses.fit.least_squares import Descent, Predict, Problem, distinct
-from tripod_doe.analyses.fit.unknowns import Layout
+from tripod_doe.analyses.fit.estimation.least_squares import Descent, Predict, Problem, distinct
+from tripod_doe.analyses.fit.estimation.unknowns import Layout
 from tripod_doe.array_types import ComplexArray, FloatArray
 
 _FEWEST, _MOST = 32, 256  # places

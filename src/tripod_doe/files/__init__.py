@@ -1,0 +1,1 @@
+"""Files: tables that people write, files replaced as a whole, checksums, and files of strangers."""
