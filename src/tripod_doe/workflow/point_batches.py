@@ -79,6 +79,7 @@ class PointBatches:
         progress: bool = True,
     ) -> None:
         self._study, self._directory, self._execution, self._progress = study, directory, execution, progress
+        directory.resume.refuse_unknown_version(study)
         directory.resume.refuse_other_kernels(study)
         self._place: dict[bytes, tuple[int, int, int, str]] = {}  # block, row, outcome and reason by fingerprint
         self._read: list[Callable[[], FinishedBlock]] = directory.places()

@@ -177,6 +177,8 @@ def run_on(
     if refuse_impossible:
         asked.refuse_impossible()
     with ResultDirectory(out or results_of(study.file.study.name), take_over) as directory:
+        if not fewer:
+            directory.resume.refuse_unknown_version(study)
         study = _with_derived(study, directory, progress)
         asked = StudyPoints(study, asked.points)
         if study.auto_model:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from secrets import token_hex
 from typing import Any
 
 import tomlkit
@@ -207,7 +208,7 @@ def _add_study(digest: StepHash, study: Study) -> int:
     """Add a study and the points that it runs, which its tables may list, to a hash; gives their number."""
     points = make_points(study)
     keys = point_keys(study, points)[points.allowed]
-    digest.add(study.text, study.simulator.source_hash)
+    digest.add(study.text, study.simulator.source_hash or token_hex())  # a function without a file: never the same
     digest.add_bytes(keys.tobytes())
     return keys.size
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import os
-import subprocess
+import re
 import sys
 from contextlib import nullcontext
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import tripod_doe as td
-from slow_cases import first_fast
 from tripod_doe.errors import InputError, TripodDoeError
 from tripod_doe.model_interface import BlockResult
 from tripod_doe.study.cube.dataset import COST_VARIABLES, EXCLUDED, build_cube
@@ -285,82 +284,97 @@ def test_a_helper_is_that_of_the_folder_of_the_study(tmp_path):
     assert computed("two/third_user") == computed("two/second_user") == [5, 10]
 
 
-NOTEBOOK = """
-import functools
-a, b, c = 1, 2, 1
-class Spring:
-    rate = 3
-    def force(self, x):
-        return self.rate * x
-spring, table = Spring(), [1, {"two": np.arange(5000)}]
-@functools.lru_cache
-def helper(x):
-    return x + b
-def f(x, p=2.0):
-    return {"y": a * x + c * helper(x) + spring.force(x) + table[1]["two"].sum() + (lambda t: t + p)(x) + pi}
-"""
+@pytest.fixture
+def define(monkeypatch):
+    """Defines a function of a session without a file, as in a notebook, and gives its reference."""
+    session = ModuleType("__main__")
+    monkeypatch.setitem(sys.modules, "__main__", session)
+
+    def defined(text):
+        exec(text, vars(session))
+        return "__main__:f"
+
+    return defined
 
 
-@pytest.mark.parametrize(
-    "change",
-    first_fast(
-    ["rate = 3|rate = 4", "x + b|x - b", "import functools|import functools\nfrom math import e as pi", "c = 1, 2, 1|c = 1, 2, 2",
-     "b, c = 1, 2|b, c = 1, 5", "rate * x|rate + x", "5000|5001", "p=2.0|p=3.0", "t + p|t - p"], 3),
-)  # fmt: skip
-def test_what_a_function_of_a_notebook_uses_counts(change):
-    """Regression: of a changed constant or helper in a notebook, the old points were shown."""
-    first, second = change.split("|")
-
-    def hashed(text):
-        script = f"import numpy as np\nfrom math import pi\n{text}\nfrom tripod_doe.study.definition import function_sources as s"
-        script += "\nprint(s.source_hash(f, s.sources_of('__main__')))"
-        return subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
-
-    assert hashed(NOTEBOOK) == hashed(f"# moved\n{NOTEBOOK}") != hashed(NOTEBOOK.replace(first, second))
+NO_VERSION = (
+    r"holds points already, and no file shows whether they are of this version of __main__:f: choose another out"
+)
 
 
-FORMS = {
-    "a partial function": "def g(x, k): return FAC * x * k\nh = functools.partial(g, k=1)",
-    "a vectorized function": "def g(x): return FAC * x\nh = np.vectorize(g)",
-    "a bound method": "class C:\n  def m(self, x): return FAC * x\nh = C().m",
-    "a method of a base class": "class B:\n  def m(self, x): return FAC * x\nclass C(B): pass\nh = C()",
-    "a property": "class C:\n  @property\n  def p(self): return FAC\nh = C()",
-    "a cached property": "class C:\n  @functools.cached_property\n  def p(self): return FAC\nh = C()",
-    "a function in an object": "def g(x): return FAC * x\nh = types.SimpleNamespace(g=g)",
-    "a function in an array": "def g(x): return FAC * x\nh = np.array([g])",
-    "an attribute of a function": "def h(x): return h.k * x\nh.k = FAC",
-    "a decorator": "def w(g):\n  @functools.wraps(g)\n  def inner(x): return FAC * g(x)\n  return inner\n@w\ndef h(x): return x",
-    "a function by types": "@functools.singledispatch\ndef h(x): pass\n@h.register\ndef _(x: float): return FAC * x",
-    "a module made by hand": "h = types.ModuleType('h')\nh.k = FAC",
-    "a pattern": "h = re.compile('FAC')",
-    "a set": "h = {'a', 'b', 'FAC'}",
-    "a function that holds itself": "def h(x): return FAC * x\nh.h = h",
-}
-HASHED = """
-import functools, re, sys, types, numpy as np
-from tripod_doe.study.definition import function_sources as s
-for form in {forms!r}:
-    hashes = []
-    for factor in ("2", "2", "3"):
-        exec(form.replace("FAC", factor) + "\\ndef f(x): return h, x in ('a', {{'b', 'c', 'd'}})", globals())
-        hashes.append(s.source_hash(f, {{}}))
-    print(*hashes)
-"""
+def test_points_of_a_function_without_a_file_are_not_used_again(define, tmp_path):
+    """Regression: of a notebook, those of an earlier version were shown where taking it apart missed a change."""
+    tables = {
+        "study": {"name": "s", "function": define("def f(x): return {'y': x}")},
+        "factors": {"x": {"values": [1]}},
+    }
+    with pytest.raises(InputError, match="give workers=0"):  # which computes nothing
+        td.run(tables, tmp_path / "out", workers=1, progress=False)
+    td.run(tables, tmp_path / "out", workers=0, progress=False)
+    with pytest.raises(InputError, match=NO_VERSION):
+        td.run(tables, tmp_path / "out", workers=0, progress=False)
+    (tmp_path / "more.toml").write_text('[responses.z]\nformula = "2 * y"\nunit = "1"\nmeaning = "twice"\n')
+    td.derive(tmp_path / "out", tmp_path / "more.toml")
+    assert td.open_cube(tmp_path / "out")["z"].values.tolist() == [2]
 
 
-def test_all_that_a_function_of_a_notebook_uses_counts():
-    """Regression: of these, a changed one was not seen, and the old points were shown."""
-    script = HASHED.format(forms=list(FORMS.values()))
-    done, other = (
-        subprocess.run(
-            [sys.executable, "-c", script], capture_output=True, text=True, env={**os.environ, "PYTHONHASHSEED": seed}
-        )
-        for seed in "12"
+def test_a_pilot_of_a_function_without_a_file_is_not_used_again(define, tmp_path):
+    text = (
+        "from tripod_doe.model_interface import Candidate\ndef f(x, model=1): return {'y': 10 + x, 'y_error': 0.001}\n"
     )
-    assert done.stdout == other.stdout
-    for form, line in zip(FORMS, done.stdout.splitlines(), strict=True):
-        first, again, changed = line.split()
-        assert first == again != changed, form
+    text += "f.candidates = Candidate({'model': 1}, 1e-3, 1), Candidate({'model': 2}, 1.0, 1, full=True)"
+    head = f'[study]\nname = "s"\nfunction = "{define(text)}"\n[base]\nmodel = "auto"\n[accuracy]\ny = 0.03\n'
+    study = parse_study(f"{head}[factors]\nx = {{low = 0, high = 1, count = 40}}\n")
+    assert td.run(study, tmp_path / "out", workers=0, progress=False).complete
+    assert (tmp_path / "out" / "pilot" / "journal.sqlite").is_file()
+    (tmp_path / "out" / "journal.sqlite").unlink()  # as of a run that ended within its pilot
+    with pytest.raises(InputError, match=NO_VERSION):
+        td.run(study, tmp_path / "out", workers=0, progress=False)
+
+
+@pytest.mark.slow
+def test_points_of_a_search_of_a_function_without_a_file_are_not_used_again(define, tmp_path):
+    function = define("def f(x): return {'y': (x - 1) ** 2}")
+    head = f'[optimisation]\nname = "o"\nfunction = "{function}"\n'
+    tail = '[objectives.y]\noutput = "y"\ngoal = "minimise"\n[search]\nevaluations = 8\nseed = 1\n'
+    (tmp_path / "o.toml").write_text(f"{head}[variables.x]\nlow = 0\nhigh = 3\n{tail}")
+    for refused in (nullcontext(), pytest.raises(InputError, match=NO_VERSION)):
+        with refused:
+            td.optimise(tmp_path / "o.toml", tmp_path / "out", workers=0, progress=False)
+
+
+def test_a_step_of_a_function_without_a_file_is_not_used_again(define, tmp_path):
+    function = define("def f(x): return {'y': x}")
+    (tmp_path / "s.toml").write_text(f'[study]\nname = "s"\nfunction = "{function}"\n[factors.x]\nvalues = [1]\n')
+    (tmp_path / "w.toml").write_text('[workflow]\nname = "w"\n[steps.one]\nkind = "study"\nstudy = "s.toml"\n')
+    first, again = (
+        td.run_workflow(tmp_path / "w.toml", tmp_path / "out", workers=0, progress=False).steps[0] for _ in "12"
+    )
+    assert first.state == "finished"
+    assert again.state == "failed"
+    assert re.search(NO_VERSION, again.detail)
+
+
+def test_a_function_of_an_interactive_session_has_no_version(tmp_path, monkeypatch):
+    """Regression: python -i has the file of its script, and a function that was defined anew gave the points before."""
+    script = ModuleType("__main__")
+    script.__file__ = str(tmp_path / "script.py")
+    Path(script.__file__).write_text("def f(x): return {'y': x}\n")
+    monkeypatch.setitem(sys.modules, "__main__", script)
+    assert sources_of("__main__").keys() == {"__main__"}
+    monkeypatch.setattr(sys, "flags", SimpleNamespace(inspect=1))
+    assert sources_of("__main__") == {}
+
+
+def test_points_of_another_version_are_refused_without_the_study_file(tmp_path):
+    """Regression: where study.toml was gone, points of an earlier version of a function were shown."""
+    text = '[study]\nname = "s"\nfunction = "edited_later:f"\n[factors.x]\nvalues = [1]\n'
+    (tmp_path / "edited_later.py").write_text("def f(x): return {'y': x}\n")
+    td.run(parse_study(text, folder=StudyFolder(tmp_path)), tmp_path / "out", workers=0, progress=False)
+    (tmp_path / "out" / "study.toml").unlink()
+    (tmp_path / "edited_later.py").write_text("def f(x): return {'y': 3.0 * x}\n")
+    with pytest.raises(InputError, match="computed by another version of edited_later:f"):
+        td.run(parse_study(text, folder=StudyFolder(tmp_path)), tmp_path / "out", workers=0, progress=False)
 
 
 @pytest.mark.parametrize(
@@ -379,7 +393,22 @@ def test_a_compiled_module_counts_and_stays_loaded(tmp_path, imports):
             else pytest.raises(InputError, match=r"fast_part.*start Python again")
         ):
             one = load_simulator(function=f"{name}:f", folder=StudyFolder(tmp_path))
-    assert source_hash(None, sources_of(name)) != one.source_hash
+    assert source_hash(sources_of(name)) != one.source_hash
+
+
+def test_a_compiled_module_of_another_folder_is_refused(tmp_path, monkeypatch):
+    """Regression: that of the folder before, which Python keeps, computed the points in silence."""
+    for folder in ("one", "two"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / f"user_in_{folder}.py").write_text("def f(x):\n    import built_twice\n")
+        (tmp_path / folder / f"built_twice{EXTENSION_SUFFIXES[0]}").write_bytes(folder.encode())
+    load_simulator(function="user_in_one:f", folder=StudyFolder(tmp_path / "one"))
+    loaded = ModuleType("built_twice")
+    loaded.__file__ = str(tmp_path / "one" / f"built_twice{EXTENSION_SUFFIXES[0]}")
+    monkeypatch.setitem(sys.modules, "built_twice", loaded)
+    load_simulator(function="user_in_one:f", folder=StudyFolder(tmp_path / "one"))
+    with pytest.raises(InputError, match=r"built_twice.*start Python again"):
+        load_simulator(function="user_in_two:f", folder=StudyFolder(tmp_path / "two"))
 
 
 def test_modules_beside_a_script_count(tmp_path, monkeypatch):
@@ -396,7 +425,7 @@ def test_modules_beside_a_script_count(tmp_path, monkeypatch):
         InputError, match=r"helper_of_script.py has changed since it was loaded here: start Python again"
     ):
         load_simulator(function="__main__:f")
-    assert source_hash(script.f, sources_of("__main__")) != first.source_hash
+    assert source_hash(sources_of("__main__")) != first.source_hash
     another = ModuleType("__main__")  # as %run of IPython makes one
     another.f = script.f
     monkeypatch.setitem(sys.modules, "__main__", another)

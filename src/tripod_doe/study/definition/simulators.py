@@ -12,13 +12,7 @@ from weakref import WeakKeyDictionary
 from tripod_doe.errors import InputError, TripodDoeError, near_match
 from tripod_doe.model_interface import Simulator
 from tripod_doe.study.definition.function import FunctionSimulator
-from tripod_doe.study.definition.function_sources import (
-    import_root,
-    module_names,
-    source_hash,
-    sources_of,
-    stays_loaded,
-)
+from tripod_doe.study.definition.function_sources import import_root, module_name, source_hash, sources_of, stays_loaded
 from tripod_doe.study.definition.study_folder import StudyFolder
 
 SCENES = {
@@ -33,10 +27,8 @@ _latest: dict[str, tuple[StudyFolder | None, Simulator]] = {}
 """The latest import of each function, and the folder of its study."""
 _loaded_for: dict[str, list[str]] = {}
 """Folders of the studies for which a module was loaded, the latest last, by the module's name."""
-_sources: dict[str, dict[str, bytes]] = {}
-"""Files of the latest import for a study, by the module's name."""
-_scripts: WeakKeyDictionary[ModuleType, dict[str, bytes]] = WeakKeyDictionary()
-"""Files of each program that was run as a script: IPython runs several."""
+_sources: WeakKeyDictionary[ModuleType, dict[str, bytes]] = WeakKeyDictionary()
+"""Files of each module that was loaded for a function, of a script, too, as they were then."""
 _loaded: dict[str, tuple[str, bytes]] = {}
 """File and text of all modules that were loaded for functions, by their names."""
 
@@ -63,7 +55,7 @@ def load_simulator(scene: str = "joint", function: str | None = None, folder: St
         folder.refuse_functions(function)
         _search_first(str(folder.path), function.partition(":")[0].partition(".")[0])
     called, sources = _import_function(function)
-    loaded = FunctionSimulator(function, called, source_hash(called, sources))
+    loaded = FunctionSimulator(function, called, source_hash(sources))
     _latest[function] = folder, loaded
     return loaded
 
@@ -120,35 +112,30 @@ def _import_function(reference: str) -> tuple[Callable[..., Any], dict[str, byte
     module = reference.partition(":")[0]
     called = _import_object(reference)
     sources = sources_of(module)
-    is_script = module == "__main__"  # which holds what it has imported
-    before = _scripts.setdefault(sys.modules[module], sources) if is_script else _sources.get(module, sources)
-    wanted = _files(module, sources)
-    changed = [path for path, text in before.items() if sources.get(path) != text]
-    others = [name for name, own in wanted.items() if _is_another(name, own)]
-    if stay := [*(path for path in changed if is_script or stays_loaded(path)), *(others if is_script else [])]:
+    before = _sources.setdefault(sys.modules[module], sources)
+    root = import_root(module, sys.modules[module].__file__ or "") if sources else Path()
+    files = {module_name(path): (str(root / path), text) for path, text in sources.items()}
+    paths = {**before, **sources}
+    changed = [path for path in paths if before.get(path) != sources.get(path) or _is_another(module_name(path), files)]
+    # a script keeps what it has imported
+    if stay := [path for path in changed if module == "__main__" or stays_loaded(path)]:
         raise InputError(
             f"function = {reference!r}: {stay[0]} has changed since it was loaded here: start Python again"
         )
-    if not is_script and (before != sources or others):
-        _unload(module_names(path for path in {*before, *sources} if not stays_loaded(path)))
+    if changed:
+        _unload(module_name(path) for path in paths if not stays_loaded(path))
         called = _import_object(reference)
+        _sources[sys.modules[module]] = sources
     if not callable(called):
         raise InputError(f"function = {reference!r}: this is not a function")
-    _sources[module] = sources
-    _loaded.update({name: own for name, own in wanted.items() if name in sys.modules})
+    _loaded.update({name: own for name, own in files.items() if name in sys.modules})
     return called, sources
 
 
-def _files(module: str, sources: Mapping[str, bytes]) -> dict[str, tuple[str, bytes]]:
-    """File and text of each module among some sources, by its name."""
-    root = import_root(module, sys.modules[module].__file__ or "") if sources else Path()
-    return {name: (str(root / path), sources[path]) for path in sources for name in module_names([path])}
-
-
-def _is_another(name: str, own: tuple[str, bytes]) -> bool:
+def _is_another(name: str, files: Mapping[str, tuple[str, bytes]]) -> bool:
     """Whether a module that was loaded for a function has another file or text, as a helper in another folder has."""
-    known = _loaded.get(name, own)
-    return known != own and getattr(sys.modules.get(name), "__file__", None) == known[0]
+    known = _loaded.get(name)
+    return known not in (None, files.get(name)) and getattr(sys.modules.get(name), "__file__", None) == known[0]
 
 
 def _import_object(reference: str) -> Any:

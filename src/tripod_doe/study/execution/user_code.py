@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from tripod_doe.study.definition.function_sources import module_names, module_paths, sources_of
+from tripod_doe.study.definition.function_sources import module_name, module_paths, sources_of
 
 _OURS = "tripod_doe"
 
@@ -69,7 +69,7 @@ def placed(code: UserCode, folder: str) -> str:
     place = folder if _sees(code, folder) else _copy(code)
     here = f"{code.digest} {place}"
     if _placed.get(code.module, here) != here:
-        for name in module_names(code.files) & sys.modules.keys():
+        for name in {*map(module_name, code.files)} & sys.modules.keys():
             del sys.modules[name]
         importlib.invalidate_caches()
     _placed[code.module] = here

@@ -14,7 +14,7 @@ from tripod_doe.files.checksum_list import refuse_other_results
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.cube.lazy_dataset import lazy_dataset
 from tripod_doe.study.definition.study import Study, canonical
-from tripod_doe.study.journal import KERNELS, Journal, text_digest
+from tripod_doe.study.journal import KERNELS, PILOT, Journal, journal_path, text_digest
 from tripod_doe.study.result_directory.stored_study import STORED, known_texts, read_again, stored_study
 from tripod_doe.study.study_points import StudyPoints
 
@@ -49,9 +49,11 @@ class Resume:
         if is_here:
             refuse_other_results(self._path)
         there, grew = asked.done(self._journal.key_blocks() if done is None else done)
-        if (not there.any() and grew) or not stored.exists():
+        if not there.any() and grew:
             return
         self.refuse_other_kernels(study)
+        if not stored.exists():
+            return
         same = text_digest(study.text.encode()) in known_texts(self._journal)  # the file there may be damaged
         before = study if same else self._before()
         _refuse_unstored(before, study, self._path)
@@ -80,6 +82,15 @@ class Resume:
                     return read_again(self._path, text, str(self._path / STORED))
             raise
 
+    def refuse_unknown_version(self, study: Study) -> None:
+        """Refuse (InputError) a function without a file where points, or those of a pilot, were computed before."""
+        function = study.file.study.function
+        if function and not study.simulator.source_hash and any(map(_has_points, (self._path, self._path / PILOT))):
+            raise InputError(
+                f"{self._path}: it holds points already, and no file shows whether they are of this version of "
+                f"{function}: choose another {option('out')}; points of a function in a module can be used again"
+            )
+
     def refuse_other_kernels(self, study: Study) -> None:
         """Refuse (InputError) a study whose points another version of the code has begun; else note the version."""
         kernels = self._journal.recall(KERNELS)
@@ -105,6 +116,13 @@ class Resume:
             rows, at = asked.index.places(block.keys)
             last[at] = block.result.outcome[rows]
         return asked.undone(np.isin(last, list(asked.good_outcomes)))
+
+
+def _has_points(directory: Path) -> bool:
+    if not journal_path(directory).exists():
+        return False
+    with Journal(directory, read_only=True) as journal:
+        return journal.state() != "0"
 
 
 def _refuse_unstored(before: Study, study: Study, path: Path) -> None:
