@@ -27,6 +27,11 @@ _NAMED = re.compile(r"unknown (?:key|parameter|output|name) '([^']+)'|^([\w.-]+)
 _STEP = re.compile(r"^\[steps\.[^\]]+\]: ")
 _NEAR = re.compile(r"did you mean '([^']+)'")
 _AT = re.compile(r"\(at line (\d+), column (\d+)\)")
+_MAKE_AGAIN = re.compile(
+    r"(run the study again|make it again by the same command) with the same (--)?out\b"
+    r"|make it again(: tripod-doe report ('[^']*'|[^\s;]+)|, or copy it again from where it was made)"
+)
+_RESUME = "resume this run (if the command line filled its directory, run the same command again)"
 _MOST = 50  # problems that one answer lists
 _LONGEST, _LONGEST_LINE = 1_000, 10_000  # characters of a value and of a message
 _LARGEST = 10**30  # no key needs larger whole numbers
@@ -74,9 +79,9 @@ class RefusedError(Exception):
 def among_runs(text: str, folder: Path) -> str:
     """A text with paths that begin in the folder of runs: its clients need not know where that is on the server.
 
-    Names of the service's temporary folders are left out, too.
+    Names of the service's temporary folders are left out, too, and commands that make a damaged file again.
     """
-    text = text.replace(f"{folder.absolute()}{os.sep}", "")
+    text = _MAKE_AGAIN.sub(_RESUME, text.replace(f"{folder.absolute()}{os.sep}", ""))
     return re.sub(rf"{re.escape(tempfile.gettempdir())}{os.sep}tripod-doe-[^{os.sep}\s]*{os.sep}", "", text)
 
 

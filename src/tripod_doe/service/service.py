@@ -20,8 +20,8 @@ from tripod_doe.service.requests.uploads import UPLOAD, main_file
 from tripod_doe.service.runs.extremes import Extremes
 from tripod_doe.service.runs.found_directories import FoundDirectories
 from tripod_doe.service.runs.one_run import OneRun
-from tripod_doe.service.runs.run_end import is_directory, refuse_exchanged, restore_upload
-from tripod_doe.service.runs.run_table import Run
+from tripod_doe.service.runs.run_end import has_report, is_directory, refuse_exchanged, restore_upload
+from tripod_doe.service.runs.run_table import Run, State
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.security.delivered_files import check_delivered
 from tripod_doe.service.security.share_links import Shares
@@ -160,6 +160,12 @@ class Service:
         with self._upload_folder() as upload:
             plan, digest = self._ask_plan("check", body, folder=str(upload))
             return self.runs.submit(upload, plan, key, digest)
+
+    def resume(self, run_id: str) -> Run:
+        """Queue a run at rest again: for its missing points, or where it is finished for damaged or lost files."""
+        finished, directory = self.runs.find(run_id).state is State.FINISHED, self.runs.directory(run_id)
+        damaged = finished and (not has_report(directory) or self.ask(f"{_QUESTIONS}:is_damaged", path=str(directory)))
+        return self.runs.resume(run_id, damaged=damaged)
 
     @contextmanager
     def _upload_folder(self) -> Iterator[Path]:

@@ -34,11 +34,11 @@ def report(run_id: str, service: AnyService) -> Response:
     page = service.directory(run_id, "report") / "report" / _PAGE
     if not page.is_file():
         raise RefusedError(404, "this run has no report yet")
-    text = read_regular(page, service.settings.limits.answer_bytes, CubeError).decode()
+    whole = read_regular(page, service.settings.limits.answer_bytes, CubeError)
     refuse_changed(page, unlisted=True)
     key = report_key(service.settings, run_id)
-    start = f'<base href="/api/v1/runs/{run_id}/pages/{key}/report/{_PAGE}">'
-    return HTMLResponse(text.replace("<head>", f"<head>{start}", 1), headers=IN_SANDBOX)
+    start = f'<head><base href="/api/v1/runs/{run_id}/pages/{key}/report/{_PAGE}">'
+    return HTMLResponse(whole.replace(b"<head>", start.encode(), 1), headers=IN_SANDBOX)
 
 
 @router.get("/summary.{form}", response_class=Response, responses=gives("text/html", *_HANDED_ON.values()))

@@ -138,8 +138,8 @@ def stop(run_id: str, service: WritingService) -> RunRecord:
 
 @router.post("/runs/{run_id}/resume", responses=CHANGES | errors_at(404))
 def resume(run_id: str, service: WritingService) -> RunRecord:
-    """Run what is missing."""
-    return RunRecord(**service.runs.resume(run_id).record())
+    """Run what is missing; of a finished run, make damaged files again. Finished points are kept."""
+    return RunRecord(**service.resume(run_id).record())
 
 
 @router.post("/runs/{run_id}/retry-failed", responses=CHANGES | errors_at(404))

@@ -201,8 +201,8 @@ class Supervisor:
                 self._interrupt(run_id)
             return run
 
-    def resume(self, run_id: str, retry_failed: bool = False) -> Run:
-        """Queue a run at rest again, for its missing points and, with `retry_failed`, its failed points.
+    def resume(self, run_id: str, retry_failed: bool = False, damaged: bool = False) -> Run:
+        """Queue a run at rest again: for its missing points, with `retry_failed` its failed ones, or `damaged` files.
 
         Raises:
             RefusedError: 409 if it waits or runs, or there is nothing to run; 413 if the queue is full.
@@ -215,8 +215,8 @@ class Supervisor:
                 )
             if retry_failed and not run.counts.failed:
                 raise RefusedError(409, "no point of this run failed")
-            if run.state is State.FINISHED and not retry_failed:
-                raise RefusedError(409, f"state: {run.state}: no point of this run is missing")
+            if run.state is State.FINISHED and not (retry_failed or damaged):
+                raise RefusedError(409, f"state: {run.state}: no point of this run is missing, and no file is damaged")
             if processes.is_held(self.directory(run_id)):
                 raise RefusedError(409, "another process computes into the directory of this run")
             run_end.refuse_exchanged(run, self.directory(run_id))

@@ -291,6 +291,13 @@ def check_file(path: str) -> None:
     refuse_unfit(Path(path))
 
 
+def is_damaged(path: str) -> bool:
+    """Whether a file of a result directory is damaged or lost."""
+    from tripod_doe.study.result_directory.check import check_files
+
+    return not all(file.is_whole for file in check_files(Path(path)))
+
+
 def describe(path: str) -> Any:
     """What a cube holds: dimensions, coordinates with their values, variables with units and flags, attributes."""
     from tripod_doe.service.explorer.descriptions import describe_cube
