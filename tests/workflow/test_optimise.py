@@ -667,9 +667,24 @@ def test_scatter_takes_the_place_of_a_base_value(tmp_path):
         (tmp_path / "a.toml").write_text(JOINT.replace("[objectives", f"{base}{SCATTER}[objectives"))
         problem = make_problem(load_optimisation(tmp_path / "a.toml"))
         assert "joint_angle_deg" not in problem.base
-        columns.append(problem.columns(np.array([[0.5]]), problem.samples(8, 0), problem.model))
+        columns.append(problem.columns(np.array([[0.5]]), problem.scatter.sample(8, 0), problem.model))
     assert columns[0]["joint_angle_deg"].tolist() == columns[1]["joint_angle_deg"].tolist()
     assert columns[0]["joint_angle_deg"].std() > 0
+
+
+def test_a_candidate_whose_joints_leave_a_range_is_left_out(tmp_path):
+    """Regression: frictions below zero were set to zero, and the candidate stood for joints that its scatter has not."""
+    scatter = "[scatter.groove_sliding_friction]\ndistribution = 'normal'\nstd = 0.02\n"
+    (tmp_path / "a.toml").write_text(JOINT.replace("[objectives", f"{GROOVE}{scatter}[objectives"))
+    problem = make_problem(load_optimisation(tmp_path / "a.toml"))
+    units = np.array([[0.5, 0.0], [0.5, 1.0]])
+    low, high = problem.misfits(units)
+    assert re.fullmatch(
+        r"\[scatter.groove_sliding_friction\] reaches groove_sliding_friction = -0.0[34]\d+: .* >= 0.*", low
+    )
+    assert high == ""
+    for sample in (problem.search_sample, problem.confirming_sample):
+        assert problem.columns(units[1:], sample, problem.model)["groove_sliding_friction"].min() > 0.1
 
 
 def test_a_joint_that_no_balance_looks_at_keeps_a_limit_on_vibration(tmp_path):

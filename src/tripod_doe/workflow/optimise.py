@@ -51,7 +51,6 @@ from tripod_doe.study.result_directory.directory import ResultDirectory, make_di
 from tripod_doe.workflow.point_batches import POINTS, TABLE, PointBatches
 from tripod_doe.workflow.steps_file import Stages, begin_search
 
-_OTHER_SAMPLE = 1_000_003  # added to the seed for the sample that confirms
 _EVERY = 5.0  # seconds between lines of progress
 _MOST_GENERATIONS = 30  # generations written for programs that watch the run
 _WAVEFORMS = ("thrust", "thrust_amplitude")
@@ -88,7 +87,7 @@ class _Run:
         self._stages = stages
         self._course: list[dict[str, Any]] = []  # candidates, feasible ones and best objectives after each generation
         self.table = problem.request.file.search
-        self.sample = problem.samples(self.table.samples, self.table.seed)
+        self.sample = problem.search_sample
         self._rows: dict[bytes, int] = {}  # row of each candidate so far, by its place in the unit cube
         self._units: list[FloatArray] = []
         self._judged: list[Judged] = []
@@ -111,7 +110,7 @@ class _Run:
 
     def judge(self, units: FloatArray, sample: Sample, model: str) -> Judged:
         """Judge candidates; runs no point of a candidate with a follower out of range."""
-        reasons = self.problem.variables.misfits(units)
+        reasons = self.problem.misfits(units)
         able = np.array([not reason for reason in reasons], bool)
         if able.all():
             return self._judge_able(units, sample, model)
@@ -316,7 +315,7 @@ class _Run:
         self._stages.begin(
             "confirmation", f"the best candidates once more{f' by {problem.confirm}' * bool(problem.confirm)}"
         )
-        sample = problem.samples(self.table.confirm_samples, self.table.seed + _OTHER_SAMPLE)
+        sample = problem.confirming_sample
         first, *batches = confirmation_batches(self.table.confirmed, len(problem.signs))
         chosen = first_confirmed(archive, problem.signs, first, problem.confirm != problem.model)
         fine = self.judge(archive.units[chosen], sample, problem.confirm) if chosen.size else None
@@ -440,7 +439,7 @@ def _waveforms(
         return None
     aims = solved.front.judged.objectives * problem.signs
     shown = list(dict.fromkeys([*(int(at) for at in aims.argmin(axis=0)), knee(aims)]))
-    start = solved.archive.units[: 0 if problem.variables.misfits(solved.archive.units[:1])[0] else 1]
+    start = solved.archive.units[: 0 if problem.misfits(solved.archive.units[:1])[0] else 1]
     units = np.concatenate([start, solved.front.units[shown]])
     place = make_directory(directory / "steps" / "waveforms")
     study = problem.study(problem.request.origin, place, TABLE, _WAVEFORMS)
@@ -469,7 +468,7 @@ def _thinned(course: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def _nominal(problem: Problem) -> Sample:
     """The joint without scatter, as a sample of one: variables as chosen, other parameters in the middle."""
-    sample = problem.samples(1024, 0)
+    sample = problem.scatter.sample(1024, 0)
     relative = problem.scatter.relative
     return {
         name: np.zeros(1) if name in relative else np.median(column, keepdims=True) for name, column in sample.items()

@@ -130,10 +130,10 @@ def _part(problem: Problem, what: str, candidates: int, joints: int, model: str,
         return PlannedPart(what, candidates, points)
     count = min(_TIMED, candidates)
     units = first_generation(problem.variables, count, 0, None)
-    units = units[[not reason for reason in problem.variables.misfits(units)]]
+    units = units[[not reason for reason in problem.misfits(units)]]
     if not len(units):
         return PlannedPart(what, candidates, points)
-    columns = problem.columns(units, problem.samples(8, 0), model)
+    columns = problem.columns(units, {name: column[:8] for name, column in problem.search_sample.items()}, model)
     with TemporaryDirectory(prefix="tripod-doe-") as folder:
         rows = zip(*(column.tolist() for column in columns.values()), strict=True)
         write_table(Path(folder) / TABLE, columns, rows)

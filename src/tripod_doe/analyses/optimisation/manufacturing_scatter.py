@@ -41,11 +41,14 @@ class Scatter:
             sample[name] = values
         return sample
 
-    def placed(self, name: str, value: NDArray[Any], sample: NDArray[Any]) -> NDArray[Any]:
-        """Values of a parameter in the sample about the values of candidates, within what the parameter allows."""
-        parameter = self.parameters[name]
-        least = np.nextafter(parameter.low, np.inf) if parameter.low_open else parameter.low
-        return np.asarray(np.clip(value + sample, least, parameter.high))
+    def misfit(self, name: str, values: NDArray[Any]) -> str:
+        """Why a parameter cannot have one of these values, which candidates have with the scatter; else empty."""
+        for value in (values.min(), values.max()):
+            try:
+                self.parameters[name].check(float(value))
+            except InputError as error:
+                return f"[scatter.{name}] reaches {error}"
+        return ""
 
 
 def _centre(table: FactorTable) -> float:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from tripod_doe.study.designs import Points
 
 _AMPLITUDE, _THIRD = "thrust_amplitude", 3
 _MODEL = "model"
+_OTHER_SAMPLE = 1_000_003  # added to the seed for the confirming sample
 
 Sample = Mapping[str, NDArray[Any]]
 
@@ -79,9 +81,29 @@ class Problem:
         """Start of the search on the unit cube, shape (variable,)."""
         return np.array([each.unit(self.start[each.name]) for each in self.variables.chosen])
 
-    def samples(self, count: int, seed: int) -> Sample:
-        """A sample of the scatter; empty without any."""
-        return self.scatter.sample(count, seed)
+    @cached_property
+    def search_sample(self) -> Sample:
+        """The sample of the scatter that stands for each candidate of the search; empty without scatter."""
+        table = self.request.file.search
+        return self.scatter.sample(table.samples, table.seed)
+
+    @cached_property
+    def confirming_sample(self) -> Sample:
+        """The other sample, by which candidates are confirmed."""
+        table = self.request.file.search
+        return self.scatter.sample(table.confirm_samples, table.seed + _OTHER_SAMPLE)
+
+    def misfits(self, units: FloatArray) -> list[str]:
+        """Why candidates cannot be, empty where they can: a value follows or scatters beyond its parameter's range."""
+        reasons = self.variables.misfits(units)
+        if not self.scatter.relative or not len(units):
+            return reasons
+        columns = self.variables.columns(units)
+        for name in sorted(self.scatter.relative):
+            both = np.concatenate([self.search_sample[name], self.confirming_sample[name]])
+            for row, value in enumerate(columns[name].tolist()):
+                reasons[row] = reasons[row] or self.scatter.misfit(name, value + both)
+        return reasons
 
     def joints(self, sample: Sample) -> int:
         """Number of joints that stand for a candidate."""
@@ -98,7 +120,7 @@ class Problem:
         columns = {name: np.repeat(column, joints * places) for name, column in self.variables.columns(units).items()}
         for name, column in sample.items():
             own = np.tile(np.repeat(column, places), candidates)
-            columns[name] = self.scatter.placed(name, columns[name], own) if name in columns else own
+            columns[name] = columns[name] + own if name in columns else own
         for name in self.operating.names:
             column = self.simulator.parameters[name].column([row[name] for row in self.operating.values])
             columns[name] = np.tile(column, candidates * joints)
