@@ -41,7 +41,7 @@ _HTTP = """\
 Bodies and answers are JSON unless a route names another form.
 `/api/v1/openapi.json` is this page for programs. Limits and faults: [The service over HTTP](service.md).
 
-The calls below begin with these lines; token and port stand in the line that `tripod-doe serve` prints:
+The calls below begin with these lines; token and port are in the line that `tripod-doe serve` prints:
 
 ```sh
 SERVER=http://127.0.0.1:8811/api/v1

@@ -5,8 +5,8 @@
 >>> td.run("studies/thrust_map.toml", out="results")     # a study
 >>> td.open_cube("results")                              # its results, labelled
 
-Beside the folders stand modules that all of them use (errors, names, numbers as text), the `client` of a service and
-the `notification` at the end of a run. Public names are imported when they are first used, so that workers and short
+Modules outside of the folders are used by all of them (errors, names, numbers as text); `client` calls a service, and
+`notification` reports the end of a run. Public names are imported when they are first used, so that workers and short
 commands load no plotting.
 """
 

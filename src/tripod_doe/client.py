@@ -99,7 +99,7 @@ class Service:
         """Submit a study, a workflow, a fit or an optimisation.
 
         Args:
-            study: Its file, sent with the files beside it that it names, also by a pattern or in a table; or the
+            study: Its file, sent with the files next to it that it names, also by a pattern or in a table; or the
                 tables of a study as a dict.
             wait: Whether to wait for its end.
             progress: Whether to show the progress meanwhile.

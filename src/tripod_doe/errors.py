@@ -46,7 +46,7 @@ _spoken: Literal["arguments", "options", "keys"] = "arguments"
 class TripodDoeError(Exception):
     """Base of every error this package raises on purpose; its text is written for the user.
 
-    Messages repeat what stands in files and requests: control characters are written as escapes, so that none reaches a
+    Messages repeat what is in files and requests: control characters are written as escapes, so that none reaches a
     terminal, and long lines and lists are cut.
     """
 

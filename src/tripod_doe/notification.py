@@ -1,7 +1,7 @@
 """Word that a run has ended: a command that is started, or a webhook that is called.
 
 What is passed on is a few facts about the run: no token, no address of a page, no result. Names of runs come from
-others, so they never become words of a command or a part of an address: they stand in JSON on its standard input, or in
+others, so they never become words of a command or a part of an address: they are in JSON on its standard input, or in
 the body of the request. Nothing that goes wrong here changes how a run ends.
 """
 

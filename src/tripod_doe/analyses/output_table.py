@@ -203,7 +203,7 @@ def without_zero(variable: xr.DataArray) -> bool:
 
 
 def side_by_side(cube: xr.Dataset, names: Sequence[str]) -> list[str]:
-    """The outputs whose answers stand in one variable along ``output``; the others have variables of their own.
+    """The outputs whose answers are in one variable along ``output``; the others have variables of their own.
 
     Those with the dimensions that most outputs have (else the fewest), or with some of them: an output with a further
     dimension would repeat the answers of all others along it, six hundred times for all outputs of the joint. Courses
@@ -236,7 +236,7 @@ def stacked(parts: Mapping[str, xr.Dataset], joint: Sequence[str]) -> xr.Dataset
 
 
 def meaning_of(name: str, meanings: Mapping[str, str]) -> str:
-    """The meaning of an answer, also of one that stands under the name of its output."""
+    """The meaning of an answer, also of one that is under the name of its output."""
     return meanings[next(key for key in sorted(meanings, key=len, reverse=True) if f"_{name}".endswith(f"_{key}"))]
 
 

@@ -64,7 +64,7 @@ def _of_cube(function: Callable[[xr.Dataset, Any], xr.Dataset]) -> Function:
 
 
 def _of_cubes(function: Callable[[Mapping[str, xr.Dataset], Any], xr.Dataset]) -> Function:
-    """An analysis that reads no files beside its cubes."""
+    """An analysis that reads no files besides its cubes."""
 
     @wraps(function)
     def analysis(cubes: Mapping[str, xr.Dataset], settings: Any, folder: StudyFolder) -> xr.Dataset:

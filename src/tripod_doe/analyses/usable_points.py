@@ -76,7 +76,7 @@ class Sample:
 
     @property
     def attributes(self) -> dict[str, str | int]:
-        """Attributes of a result: the points that it stands on, and those that it lacks."""
+        """Attributes of a result: the points that it is based on, and those that it lacks."""
         region = self.region.attributes(self.outside) if self.region else {}
         return {"points_used": self.rows.size, "points_dropped": self.dropped, **region}
 

@@ -1,4 +1,4 @@
-"""Print where the documentation stands on this machine, or open it."""
+"""Print where the documentation is on this machine, or open it."""
 
 import argparse
 import webbrowser

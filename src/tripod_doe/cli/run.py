@@ -37,7 +37,7 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
     for name, what in (
         ("--tls-ca-file", "certificate of the authority that signed the scheduler's, for TLS"),
         ("--tls-cert", "certificate of this client, for TLS"),
-        ("--tls-key", "key of that certificate, unless it stands in the same file"),
+        ("--tls-key", "key of that certificate, unless it is in the same file"),
     ):
         parser.add_argument(name, metavar="PEM", type=Path, help=what)
     parser.add_argument("--fail-fast", action="store_true", help="stop at the first point that fails unexpectedly")

@@ -85,7 +85,7 @@ def _run(options: argparse.Namespace) -> int:
     given = (_file_values(options.base, simulator, given) if options.base else {}) | given
     if options.against and not options.view:
         raise InputError(
-            f"--against {options.against[0]}: shows a second joint beside the first on a page; add --view joint.html"
+            f"--against {options.against[0]}: shows a second joint next to the first on a page; add --view joint.html"
         )
     price = usual_price(options.scene, **given)
     if price is not None and price >= _LONG:

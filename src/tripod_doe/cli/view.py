@@ -38,7 +38,7 @@ def moved_points(options: argparse.Namespace) -> str:
 
 
 def add_against(parser: Parser, needs: str = "") -> None:
-    """Add the flag that shows a second point beside the first; `needs` begins its help."""
+    """Add the flag that shows a second point next to the first; `needs` begins its help."""
     parser.add_argument(
         "--against",
         metavar="NAME=VALUE",

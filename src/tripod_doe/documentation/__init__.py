@@ -1,4 +1,4 @@
-"""The documentation that a wheel brings along: the site that `sphinx-build` makes of ``docs/``, beside this file.
+"""The documentation that a wheel brings along: the site that `sphinx-build` makes of ``docs/``, next to this file.
 
 Wheels get it as they are built (``docs/wheel_with_site.py``), so reading it needs neither network nor Sphinx. An
 editable installation has none until the site is built into it.

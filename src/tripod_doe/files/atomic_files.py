@@ -1,4 +1,4 @@
-"""Files replaced as a whole: written beside the old one and renamed over it, so that a kill leaves the old or the new.
+"""Files replaced as a whole: written next to the old one and renamed over it, so that a kill leaves the old or the new.
 
 A reader never sees half a file, and a full disk never costs the file that was there. Links that somebody else has put
 into a folder lead nowhere: a file is written under a name that is made anew, and a folder with links is refused.
@@ -21,7 +21,7 @@ _DATABASE = "journal.sqlite"  # and its companions: SQLite follows links
 
 @contextmanager
 def replace_file(path: Path) -> Iterator[Path]:
-    """Give a path beside `path` to write to; at the end of the block that file takes the place of `path`.
+    """Give a path next to `path` to write to; at the end of the block that file takes the place of `path`.
 
     Args:
         path: The file to replace or to create; its folder is made if it is missing.

@@ -145,7 +145,7 @@ def names_results(folder: Path) -> bool:
 
 
 def write_listed(path: Path, content: str | bytes) -> Path:
-    """Replace a file as a whole, a text as UTF-8, and write its checksum into the list beside it; returns its path.
+    """Replace a file as a whole, a text as UTF-8, and write its checksum into the list next to it; returns its path.
 
     Raises:
         StorageError: If one of them cannot be written.
@@ -157,7 +157,7 @@ def write_listed(path: Path, content: str | bytes) -> Path:
 
 @contextmanager
 def listed_file(path: Path) -> Iterator[Path]:
-    """Give a path to write to, as `replace_file`; its checksum is then in the list beside it.
+    """Give a path to write to, as `replace_file`; its checksum is then in the list next to it.
 
     Raises:
         StorageError: If one of them cannot be written.
@@ -175,7 +175,7 @@ def listed_file(path: Path) -> Iterator[Path]:
 
 
 def remove_listed(folder: Path, keep: Set[str] = frozenset()) -> None:
-    """Remove the files in the list of a folder before new ones are made: none of earlier results is left beside them.
+    """Remove the files in the list of a folder before new ones are made: none of earlier results is left next to them.
 
     Args:
         keep: Names of files that stay.
@@ -311,7 +311,7 @@ def _digest(path: Path, links: bool = True) -> str:
 
 
 def _version(path: Path) -> list[tuple[int, int]]:
-    """What changes when a file or a list beside it is replaced."""
+    """What changes when a file or a list next to it is replaced."""
     versions = []
     for place in (path, path.with_name(LIST), path.with_name(_NEXT)):
         with suppress(OSError):  # there is none, or none any more

@@ -85,8 +85,8 @@ def _empty_at_the_end(row: list[str]) -> int:
 def _with_points(header: list[str], rows: dict[int, list[str]], where: str) -> dict[int, list[str]]:
     """The rows, with decimal points in place of decimal commas.
 
-    Numbers with one meaning show the decimal sign. So 1,200 is 1.2 beside 1,5, and 1.200 is 1.2 beside 1.5. Where none
-    shows it, 1.200 is 1.2 in a column without whole numbers.
+    Numbers with one meaning show the decimal sign. So 1,200 is 1.2 if there is a 1,5, and 1.200 if there is a 1.5.
+    Where none shows it, 1.200 is 1.2 in a column without whole numbers.
 
     Raises:
         InputError: For another number that may be in thousands.

@@ -107,7 +107,7 @@ _COMPOUND = 7  # least letters of a name recognised within a longer word, as in 
 _OPENING = {"]": "[", ">": "<", ")": "("}
 _PIECES, _LONGEST_UNIT = 4, 15  # of a unit within a heading: pieces, as in hh:mm:ss, and characters
 _SCALED = re.compile(r"(?:[/*×·]|\bx)\s*10+\b|\b10\s*\^")
-"""A factor beside a unit, as in ``Force [N] / 1000``."""
+"""A factor next to a unit, as in ``Force [N] / 1000``."""
 _EXTREMES = re.compile(r"\b(?:rms|effektivwert|max|maximum|peak|spitze|limit|grenzwert)\b")
 _WANTED = re.compile(r"\b(?:set ?point|soll|sollwert|command|demand)\b")
 """Words of a heading whose values are no samples of the signal, or only what the rig was to do."""
@@ -198,7 +198,7 @@ def unit_factor(role: str, heading: str) -> float:
     """Factor for the values under a heading: 1 if the heading has no unit.
 
     Raises:
-        InputError: If the heading has a unit that the role does not know, or a factor beside it.
+        InputError: If the heading has a unit that the role does not know, or a factor next to it.
     """
     units = ROLES[role].units
     if not units or heading == role:
@@ -213,7 +213,7 @@ def unit_factor(role: str, heading: str) -> float:
     if (scaled := _SCALED.search(heading)) and not in_brackets(heading)[1]:  # a unit at the end is the last word
         raise InputError(
             f"{heading!r}: {scaled[0]!r} may be a factor of the values; "
-            f"{option('column', f'{role}={heading} [UNIT]')} names the unit of the values as they stand in the file"
+            f"{option('column', f'{role}={heading} [UNIT]')} names the unit of the values as they are in the file"
         )
     return factor
 

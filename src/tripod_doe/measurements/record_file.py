@@ -297,7 +297,7 @@ def _doubts(column: pd.Series[float], heading: str, decimal: str) -> list[str]:
     """A remark that a sign before three digits is taken as the decimal one, if a column has it.
 
     Raises:
-        InputError: If other numbers of the column are whole ones below 1000, as beside signs between thousands.
+        InputError: If other numbers of the column are whole ones below 1000, as next to signs between thousands.
     """
     text = column.astype("string").str.strip()
     signed = text[text.str.contains(decimal, regex=False).fillna(False)]

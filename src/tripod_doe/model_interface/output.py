@@ -55,7 +55,7 @@ class Output:
     # what a missing value of a point that finished counts as wherever the output is used
     if_missing: float = math.nan
     on_request: bool = False  # whether it is computed only if a study keeps it by name
-    # whether reports show it separately, beside the main results of its simulator; a scalar
+    # whether reports show it separately, next to the main results of its simulator; a scalar
     response: bool = False
     convention: str = ""  # meaning of its signs and phases; CF comment
     # parameters that make all its values zero if one of them is zero

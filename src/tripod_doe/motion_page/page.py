@@ -59,7 +59,7 @@ def view(against: Mapping[str, Any] | None = None, **parameters: Any) -> JointIn
     """Simulate a point of the joint and move it.
 
     Args:
-        against: Parameters in which a second point differs, which is shown beside it.
+        against: Parameters in which a second point differs, which is shown next to it.
         **parameters: As for `simulate`.
 
     Raises:
@@ -91,7 +91,7 @@ def motion_page(*points: SimulatedPoint) -> str:
         blocks.append(_block(which, point, _own(point, points)))
     source = files("tripod_doe.motion_page")
     replaced = {
-        "@title@": html.escape(" beside ".join(_title(point.parameters) for point in points)),
+        "@title@": html.escape(" next to ".join(_title(point.parameters) for point in points)),
         "@points@": "".join(blocks),
         '"points"': '"points two"' if len(points) > 1 else '"points"',
         "@data@": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),

@@ -26,7 +26,7 @@ def _parser() -> MarkdownIt:
 
 
 def _link_open(renderer: Any, tokens: Sequence[Token], at: int, options: Any, environment: Any) -> str:
-    """A link that opens beside the page, and tells the other server nothing of it."""
+    """A link that opens in another tab, and tells the other server nothing of it."""
     tokens[at].attrs |= {"target": "_blank", "rel": "noopener noreferrer nofollow"}
     return renderer.renderToken(tokens, at, options, environment)
 

@@ -1,4 +1,4 @@
-"""Pages from the templates beside this module, and typographic signs in their sentences."""
+"""Pages from the templates next to this module, and typographic signs in their sentences."""
 
 import base64
 import re

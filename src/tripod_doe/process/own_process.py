@@ -16,7 +16,7 @@ _FILES = {"numba.core.config": ".numba_config.yaml", "matplotlib": "matplotlibrc
 _LOCK = threading.RLock()
 
 # Before numpy is loaded: our problems of linear algebra are small, and the threads of a second core would only wait for
-# it, beside workers at full load. Workers have one thread too, so a point gives the same anywhere.
+# it, next to workers at full load. Workers have one thread too, so a point gives the same anywhere.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("NCRCENV_IGNORE", "1")  # netCDF then reads no .ncrc, .daprc and .dodsrc
 

@@ -169,7 +169,7 @@ class Service:
 
     @contextmanager
     def _upload_folder(self) -> Iterator[Path]:
-        """Name a new folder beside the runs; at the end, remove all that was not moved from there."""
+        """Name a new folder next to the runs; at the end, remove all that was not moved from there."""
         folder = self.settings.folder
         try:
             place = Path(tempfile.mkdtemp(prefix=_UPLOADS, dir=folder))

@@ -108,7 +108,7 @@ class Expression:
     Args:
         words: All texts that names have which are flags; a comparison of one with another text is refused.
         phases: Names that are phases.
-        is_condition: Whether it may compare phases as they stand in a cube, and calculate with their differences, which
+        is_condition: Whether it may compare phases as they are in a cube, and calculate with their differences, which
             are by the shorter way.
 
     Raises:

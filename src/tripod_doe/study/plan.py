@@ -117,7 +117,7 @@ def plan(
     Args:
         study: A study, its file or its tables as a dict. Nothing is written and no cluster is started.
         timing: Whether to time points, in a process of its own.
-        recorded: Whether recorded prices stand in where nothing is timed.
+        recorded: Whether recorded prices are used where nothing is timed.
         among: The points to compute; None for all of them.
     """
     study = study if isinstance(study, Study) else load_study(study)

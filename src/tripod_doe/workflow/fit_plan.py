@@ -15,14 +15,14 @@ from tripod_doe.study.plan import RECORDED, Plan, plan
 _DESCENT = 2  # evaluations of all records for a start, its descents after both looks together, per squared unknown
 # evaluations of all records for the profile of a scalar: with one unknown, and for each further one
 _PROFILE, _PER_OTHER = 2, 6
-_AGAIN = 45  # at most beside these: a profile came upon a better minimum, or went along a valley
+_AGAIN = 45  # at most besides these: a profile came upon a better minimum, or went along a valley
 # what a fit takes of these, at least and usually: with a known angle of the marker, and where skews may change places
 _LEAST_USUAL, _LEAST_USUAL_IN_A_CIRCLE = (0.4, 0.8), (0.7, 2.0)
 _IN_A_CIRCLE = 3  # places from which a search begins
 _MOST, _MOST_OF_BOTH = 1.5, 2.0  # at most, with one kind of needles and with both
 _FEWEST_DESCENTS = 2  # of one start, with the first weights and with the next
 _CORRECTIONS = 3  # usual evaluations with the requested model
-# CPU time beside the points (benchmarks/RESULTS.md): imports, records and page; both looks at the interpolated model,
+# CPU time besides the points (benchmarks/RESULTS.md): imports, records and page; both looks at the interpolated model,
 # per unknown; an evaluation
 _START_SECONDS, _LOOK_SECONDS, _OWN_SECONDS = 6.0, 0.55, 3e-3
 

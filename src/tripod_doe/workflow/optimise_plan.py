@@ -17,17 +17,17 @@ from tripod_doe.study.plan import RECORDED, plan
 from tripod_doe.workflow.point_batches import TABLE, write_table
 
 _TIMED = 64  # candidates from which the timed points are taken
-# CPU seconds beside the points, by `benchmarks/search_cost.py`: imports, cube and page, a generation, a point in it
+# CPU seconds besides the points, by `benchmarks/search_cost.py`: imports, cube and page, a generation, a point in it
 _START_SECONDS, _GENERATION_SECONDS, _POINT_SECONDS = 3.3, 0.017, 0.5e-3
 _LOW, _HIGH = 0.7, 1.5  # range of this time, as factors, between machines
 
 
 @dataclass(frozen=True)
 class PlannedPart:
-    """Points of an optimisation by one model, or its work beside them."""
+    """Points of an optimisation by one model, or its work besides them."""
 
-    what: str  # the search, its confirmation, or the work beside the points
-    candidates: int  # at most; 0 of the work beside the points
+    what: str  # the search, its confirmation, or the work besides the points
+    candidates: int  # at most; 0 of the work besides the points
     points: int  # at most: points of all candidates
     cpu_hours: tuple[float, float, float] | None = None  # low, likely and high; None where not known
     timed: int = 0  # timed points; if 0, recorded prices are used
@@ -66,13 +66,13 @@ def plan_optimisation(
 ) -> list[PlannedPart]:
     """Count the points of an optimisation and time a few of them; nothing is written.
 
-    Where points have a price, the last part is the work beside them, which one process does.
+    Where points have a price, the last part is the work besides them, which one process does.
 
     Args:
         file: The optimisation file.
         timing: Whether to time points, in a process of its own.
         untrusted: For a file from a stranger: refuse functions, and files outside of its folder.
-        recorded: Whether recorded prices stand in where nothing is timed.
+        recorded: Whether recorded prices are used where nothing is timed.
 
     Raises:
         InputError: If the file cannot be used.
@@ -116,7 +116,7 @@ def _refined(problem: Problem, whole: PlannedPart, by: str) -> list[PlannedPart]
 
 
 def _overhead(table: SearchTable, parts: Sequence[PlannedPart]) -> PlannedPart:
-    """The work of one process beside the points: its start, each generation or refined candidate, and each point."""
+    """The work of one process besides the points: its start, each generation or refined candidate, and each point."""
     points, population = sum(part.points for part in parts), population_of(table.evaluations, table.population)
     batches = sum(part.candidates / (1 if part.at_once else population) for part in parts)
     seconds = _START_SECONDS + _GENERATION_SECONDS * batches + _POINT_SECONDS * points

@@ -57,7 +57,7 @@ class FigureStep(Table):
     title: str = Field(
         "",
         description="heading on a report page; claims of the figures that it names, as in "
-        "'Figs. 10 and 15', then stand beside it; the step's name if omitted",
+        "'Figs. 10 and 15', are then next to it; the step's name if omitted",
     )
     inputs: list[str] = Field(min_length=1, description="steps whose cubes it shows")
 

@@ -173,7 +173,7 @@ SIZES = {
     "shaft_length_mm": st.floats(50, 400),
     "joint_angle_deg": st.floats(1, 35),
 }
-ADVISED = re.compile(r"(\w+_(?:mm|count|deg))(?:\)? do not fit beside each other: bring it)? to (-?[\d.]+\d|\d)")
+ADVISED = re.compile(r"(\w+_(?:mm|count|deg))(?:\)? do not fit next to each other: bring it)? to (-?[\d.]+\d|\d)")
 
 
 @settings(deadline=None, max_examples=100)

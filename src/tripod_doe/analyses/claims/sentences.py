@@ -36,7 +36,7 @@ def find_in_claims(claims: xr.Dataset, name: str = "") -> list[str]:
 
 
 def claim_table(claims: xr.Dataset) -> tuple[list[str], list[list[str]]]:
-    """Heads and one row per claim, in the order of the paper; reasons stand in the sentences and in claims.json."""
+    """Heads and one row per claim, in the order of the paper; reasons are in the sentences and in claims.json."""
     words = {Verdict.HOLDS: "yes", Verdict.DOES_NOT_HOLD: "no", Verdict.NOT_DECIDED: "not decided"}
     rows = []
     for at in range(claims.sizes["claim"]):

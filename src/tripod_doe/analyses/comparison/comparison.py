@@ -158,7 +158,7 @@ def compare(
 
 @dataclass(frozen=True)
 class _Beside:
-    """Revolutions of a record beside the model, brought to the same rotation angle."""
+    """Revolutions of a record next to the model, brought to the same rotation angle."""
 
     tracked: xr.Dataset  # orders of all revolutions, see `track_orders`
     revolutions: NDArray[np.int32]  # those compared

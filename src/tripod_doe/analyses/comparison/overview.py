@@ -1,6 +1,6 @@
 """Many records compared with one cube: a row for each order of a record, with uncertainties and a verdict; CSV, JSON.
 
-The operating point of a record stands in a table of records. A point that the cube lacks is simulated.
+The operating point of a record is in a table of records. A point that the cube lacks is simulated.
 """
 
 import csv

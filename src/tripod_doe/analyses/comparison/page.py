@@ -66,7 +66,7 @@ def is_page(output: Path) -> bool:
 
 
 def write_comparison(comparison: xr.Dataset, output: Path) -> Path:
-    """Write the page: to a file that ends in .html, else as index.html into a directory, with comparison.nc beside it.
+    """Write the page: to a file that ends in .html, else as index.html into a directory, with comparison.nc next to it.
 
     Raises:
         StorageError: If it cannot be written.

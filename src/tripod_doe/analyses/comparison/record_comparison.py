@@ -19,7 +19,7 @@ from tripod_doe.study.definition.study_folder import StudyFolder
 
 @dataclass(frozen=True)
 class ComparedRecord:
-    """A record beside the model; a record that cannot be compared has the reason alone."""
+    """A record next to the model; a record that cannot be compared has the reason alone."""
 
     row: RecordRow
     comparison: xr.Dataset | None = None  # see `compare`

@@ -25,7 +25,7 @@ _READABLE = 0.06  # least part of the axis for a segment that shows its number
 _HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "")
 _FENCE = 1.5  # distances of the quartiles, beyond them, within which shares decide the scale (Tukey's box plot)
 _PANEL = 2.1  # inches
-_LETTERS = 34  # of a line beside a bar
+_LETTERS = 34  # of a line next to a bar
 _MOST_CELLS = 7  # cells along a side of a map; up to this number each cell has a label
 
 
@@ -207,7 +207,7 @@ def _draw(axes: Axes, bars: dict[str, FloatArray], mechanisms: list[str], zero: 
                 axes.text(
                     start + size / 2,
                     row,
-                    f"{size:.0f}",  # whole percents: longer numbers cover the narrow parts beside them
+                    f"{size:.0f}",  # whole percents: longer numbers cover the narrow parts next to them
                     ha="center",
                     va="center",
                     fontsize=7.5,

@@ -124,7 +124,7 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
         change_off, change_halved, share_off, share_on, share_shapley, share_direct (mechanism, dimensions of the
         output), closure, direct_remainder, share_none = P(none), amplitude = \|A_all\| and its error
         amplitude_error, interaction (pair,
-        ...), strongest_pair and strongest_interaction, in percent. Dimensions of the operating points stand in front:
+        ...), strongest_pair and strongest_interaction, in percent. Dimensions of the operating points are in front:
         one per factor where they fill a grid, else ``operating_point``. Every variable X has a flag variable X_flag:
         NaN is either zero_amplitude (\|A_all\| not above its error: the cube's scatter of it, else its numerical error,
         at least 1e-6 of the largest amplitude there) or point_missing (a point that it needs has no number, or is not
@@ -136,7 +136,7 @@ def contribution_shares(cube: xr.Dataset, settings: ContributionSettings | None 
 
     References:
         Shapley 1953, A value for n-person games. Grabisch and Roubens 1999, An axiomatic approach to the concept of
-        interaction among players in cooperative games. The question stands in section 3.5 of the paper.
+        interaction among players in cooperative games. The question is in section 3.5 of the paper.
     """
     settings = settings or ContributionSettings()
     mechanisms, operating = switches_and_points(cube)
@@ -339,7 +339,7 @@ def _pair_labels(mechanisms: list[str]) -> tuple[str, list[str], dict[str, str]]
 def _with_flags(
     operating: OperatingPoints, part: Projections, variables: dict[str, _Variable]
 ) -> dict[str, xr.Variable]:
-    """The variables over the operating points, with a flag beside every number: why it is NaN."""
+    """The variables over the operating points, with a flag next to every number: why it is NaN."""
     labelled = {}
     for name, (dims, data, attrs) in variables.items():
         over = (*operating.dims, *dims)

@@ -112,7 +112,7 @@ def _capitalised(text: str) -> str:
 
 
 def _changes(part: Contribution) -> list[str]:
-    """What happens to the amplitude with less of one friction, drive beside coast: the question of a designer."""
+    """What happens to the amplitude with less of one friction, drive and coast: the question of a designer."""
     key = next((key for key in CHANGES if key in part.changes), "")
     if not key or not np.isfinite(part.changes[key]).any():
         return []
@@ -188,7 +188,7 @@ def _points_without_shares(part: Contribution) -> list[str]:
 
 
 def _uncertain(part: Contribution) -> list[str]:
-    """Flag the operating points at which the amplitude is small beside its error."""
+    """Flag the operating points at which the amplitude is small compared with its error."""
     count = int(part.uncertain.sum())
     if count == 0:
         return []

@@ -1,4 +1,4 @@
-"""Contributions of the mechanisms by every definition, as tables and sentences beside the paper's."""
+"""Contributions of the mechanisms by every definition, as tables and sentences next to the paper's."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping

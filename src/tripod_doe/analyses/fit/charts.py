@@ -1,4 +1,4 @@
-"""Charts of a fit: intervals, measured beside fitted, what is left over, profiles, and what to measure next."""
+"""Charts of a fit: intervals, measured and fitted, residuals, profiles, and what to measure next."""
 
 import numpy as np
 import pandas as pd

@@ -36,7 +36,7 @@ from tripod_doe.number_text import number, numbers_in_words
 _DEVIATION = 1.48  # of a normal error over its median
 _ASSUMED = 0.03  # relative, where nothing is on record
 _LEAST = 0.003  # relative, of the third order: medians of ten similar points are no surer
-_OTHER = 0.13  # relative error of any order but the third where it is not on record, or not beside the third
+_OTHER = 0.13  # relative error of any order but the third where it is not on record, or not next to the third
 _FINEST = {3: 0.003, 2: 0.05}  # between two implementations of the finest model
 _FINEST_OTHER = 0.05
 _LENGTH = {"kinetostatic": 0.2}  # correlation length of errors over the logarithm of the joint angle

@@ -151,7 +151,7 @@ def _rows_of_table(request: FitRequest, parameters: Mapping[str, Parameter]) -> 
 
 
 def _record_path(request: FitRequest, table: str, name: str) -> Path:
-    """The path of a record that a table names: beside the table, else beside the fit file."""
+    """The path of a record that a table names: next to the table, else next to the fit file."""
     near = Path(table).parent / name
     if (request.folder.path / near).is_file():
         return request.folder.file(near.as_posix(), "file")
@@ -159,7 +159,7 @@ def _record_path(request: FitRequest, table: str, name: str) -> Path:
 
 
 def _value_of_key(key: str, text: str) -> Any:
-    """A value of [records] in a field of the table; spreadsheets and pandas write 1.0 for 1 beside empty fields."""
+    """A value of [records] in a field of the table; spreadsheets and pandas write 1.0 for 1 next to empty fields."""
     if (key, text) == ("sign", "free"):
         return text
     try:

@@ -1,4 +1,4 @@
-"""The result of a fit as a cube: values, intervals and verdicts, measured beside fitted, what to measure next."""
+"""The result of a fit as a cube: values, intervals and verdicts, measured and fitted, what to measure next."""
 
 import json
 from collections.abc import Sequence
@@ -204,7 +204,7 @@ def _by_record(layout: Layout, solution: Solution) -> dict[str, Any]:
 
 
 def _records(solution: Solution, error: ModelError, width: int) -> dict[str, Any]:
-    """Measured beside fitted, over record and order."""
+    """Measured and fitted, over record and order."""
     rows = solution.problem.misfit.rows
     compared = solution.problem.compare(solution.best.prediction, solution.best.place)
     measured, measured_phase = amplitude_and_phase(rows.measured)

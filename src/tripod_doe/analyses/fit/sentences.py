@@ -73,7 +73,7 @@ def _no_fit(fit: xr.Dataset) -> list[str]:
 
 
 def _or_expected(fit: xr.Dataset) -> str:
-    """What chi squared counts beside orders."""
+    """What chi squared counts besides orders."""
     return ", or fitted values and those expected before (mean, std)," if fit.attrs.get("expected_values") else ""
 
 
@@ -336,7 +336,7 @@ def _partner(fit: xr.Dataset, name: str) -> str:
 
 
 def record_rows(fit: xr.Dataset) -> list[list[str]]:
-    """Rows of the table of records: measured beside fitted orders."""
+    """Rows of the table of records: measured and fitted orders."""
     rows = []
     for record in fit["record"].values.tolist():
         own = fit.sel(record=record)

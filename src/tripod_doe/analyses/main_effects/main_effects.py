@@ -1,11 +1,11 @@
 """Effect of each factor on a response, as far as the points of the design separate it.
 
-A statement on one factor stands on one of three grounds, tried in this order; they follow from the columns of the
+A statement on one factor rests on one of three grounds, tried in this order; they follow from the columns of the
 points that finished, whatever the design was called.
 
 1. *All levels at one setting of the others* (grids, one factor at a time, their products): only this factor changes,
    and the mean over such settings compares like with like. Holes do not matter as long as half of the points that can
-   be compared stand at settings without them.
+   be compared are at settings without them.
 2. *Steps in one factor alone* (trajectories, Saltelli's pairs, star points, grids with many holes): the sign of each
    step is a fact; this needs at least half as many steps per factor as a design would have that changes one factor at
    a time in turn.

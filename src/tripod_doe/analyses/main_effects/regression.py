@@ -80,7 +80,7 @@ def _basis(column: Column, powers: int = _POWERS) -> FloatArray:
 
 
 def _own(column: Column, others: int) -> FloatArray:
-    """Columns of the factor itself, with as many powers as the points allow beside columns of others."""
+    """Columns of the factor itself, with as many powers as the points allow in addition to columns of others."""
     return _basis(column, int(np.clip(len(column) // _POINTS_PER_COLUMN - others, *_OWN_POWERS)))
 
 
@@ -183,7 +183,7 @@ def _course(mean: FloatArray, error: float) -> Shape:
 
 
 def _estimate(weight: IntArray, own: FloatArray, others: FloatArray, response: FloatArray, error: float) -> Estimate:
-    """A weighted sum of the coefficients of a factor's powers, beside other columns."""
+    """A weighted sum of the coefficients of a factor's powers, in a fit with other columns."""
     coefficient, covariances, free = _least_squares(np.column_stack([own, others]), response)
     part = slice(1, own.shape[1] + 1)
     value = float(weight @ coefficient[part])
@@ -227,7 +227,7 @@ def _class_means(values: FloatArray, others: FloatArray, response: FloatArray) -
         return np.empty(0), np.empty(0), 0.0
     level = np.bincount(member, values) / count
     inside = np.eye(count.size)[member]
-    first = inside[:, 1:] - count[1:] / count.sum()  # centred, beside the constant
+    first = inside[:, 1:] - count[1:] / count.sum()  # centred, besides the constant
     lines = inside * (values - level[member])[:, None]
     coefficient, covariances, free = _least_squares(np.column_stack([first, lines, others]), response)
     steps, own = coefficient[1 : count.size], np.zeros((2, count.size, count.size))

@@ -171,7 +171,7 @@ class EffectWording:
         return with_unit(number(0.0 if abs(value) <= rounding else value, digits), self.response.unit)
 
     def change(self, value: float) -> str:
-        """A change of the response with its unit; beside large values it may be tiny, and is not zero."""
+        """A change of the response with its unit; compared with large values it may be tiny, and is not zero."""
         return with_unit(number(value), self.response.unit)
 
     def at(self, effect: FactorEffect, value: object) -> str:
@@ -179,7 +179,7 @@ class EffectWording:
         if not isinstance(value, int | float):
             return "none" if value == "nan" else str(value)  # a column with open fields
         digits = min(digits_apart(float(effect.level.min()), float(effect.level.max())), _MOST_DIGITS)
-        nothing = abs(value) < 10.0**-digits * float(np.abs(effect.level).max())  # the end of a class beside zero
+        nothing = abs(value) < 10.0**-digits * float(np.abs(effect.level).max())  # the end of a class next to zero
         text = number(0.0 if nothing else value, digits) if effect.ground is Ground.REGRESSION else level(value)
         return with_unit(text, factor_unit(self.cube, effect.factor))
 

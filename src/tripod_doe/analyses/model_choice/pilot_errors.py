@@ -177,7 +177,7 @@ def _over(errors: FloatArray, size: FloatArray) -> FloatArray:
 
 
 def _cells(pilot: xr.Dataset, name: str, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
-    """A quantity in every cell, and the largest value beside it; shape (cell,)."""
+    """A quantity in every cell, and the largest value next to it; shape (cell,)."""
     if name not in pilot:
         known = near_match(name, [str(key) for key in pilot.data_vars])
         raise InputError(f"[accuracy]: {quantity.name}: the pilot has no output {name}{known}")

@@ -112,7 +112,7 @@ def describe_split(study: Study, directory: Path | None, timing: bool = False) -
     """The split of a multifidelity study in lines, for `plan`: from a directory, else what decides it.
 
     Args:
-        timing: Whether to time points for the largest price; else prices on record stand in.
+        timing: Whether to time points for the largest price; else prices on record are used.
     """
     if not needs_split(study):
         return []
@@ -133,7 +133,7 @@ def describe_split(study: Study, directory: Path | None, timing: bool = False) -
 
 
 def _largest_split(study: Study) -> Study:
-    """The study with all samples that a split may have, those beside the truth's by the most expensive other model."""
+    """The study with all samples that a split may have, those besides the truth's by the most expensive other model."""
     table, models = study.file.design, list(study.factors[study.file.design.fidelity].values or ())
     pilot, samples = pilot_samples(table), table.samples or 0
     whole = most_points(study) * pilot * len(models) // point_count(study)  # samples of all models together

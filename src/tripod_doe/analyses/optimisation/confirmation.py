@@ -8,7 +8,7 @@ from tripod_doe.analyses.optimisation.search import leading
 from tripod_doe.array_types import FloatArray, IntArray
 
 _REFERENCE = 2.0  # of hypervolumes, where a front is from 0 to 1: far enough for its ends to count as its middle does
-_LEAST = 1.001  # times the hypervolume: less is as good as the joint beside it
+_LEAST = 1.001  # times the hypervolume: less is as good as the joint next to it
 
 
 def confirmation_batches(confirmed: int, objectives: int) -> list[int]:

@@ -211,7 +211,7 @@ def convergence_chart(key: str, name: str, what: str, part: xr.Dataset, kind: st
             factor = str(part["factor"].values[at])
             values = part[over].isel(factor=int(at)).values
             half = part[f"{over}_conf"].isel(factor=int(at)).values
-            shift = 2.0 ** (0.06 * (rank - len(order) / 2))  # beside each other, not on top
+            shift = 2.0 ** (0.06 * (rank - len(order) / 2))  # next to each other, not on top
             style = series(rank) | {"elinewidth": 1, "capsize": 2.5}
             axes.errorbar(counts * shift, values, yerr=half, label=spoken(factor), **style)
             rows += [(factor, n, v, h) for n, v, h in zip(counts, values, half, strict=True)]

@@ -61,8 +61,8 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
 
     Returns:
         The answers (factor, and the dimensions of the output; with several outputs also along ``output``),
-        ``resolved``, and over nested subsamples of the points ``RANKED_over_samples``; beside other outputs, those with
-        further dimensions as ``OUTPUT_ANSWER``, see `output_table.side_by_side`. NaN where an output does not vary.
+        ``resolved``, and over nested subsamples of the points ``RANKED_over_samples``; outputs with further dimensions
+        that are not alone as ``OUTPUT_ANSWER``, see `output_table.side_by_side`. NaN where an output does not vary.
 
     Raises:
         InputError: If the cube is of another design, or too few complete blocks are left.

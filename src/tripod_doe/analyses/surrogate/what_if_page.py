@@ -149,7 +149,7 @@ class WhatIfPage:
         return values, np.where(self.surrogate.outside(places)[:, None], np.nan, course)
 
     def drawn(self) -> list[FloatArray]:
-        """Each quantity at places drawn from the computed points, factor by factor, with errors drawn beside them."""
+        """Each quantity at places drawn from the computed points, factor by factor, with errors drawn next to them."""
         from scipy.spatial import cKDTree  # slow to import: few pages have such a part
 
         random, places = np.random.default_rng(0), self.surrogate.places

@@ -1,7 +1,7 @@
 """Tolerances: how manufacturing scatter distributes an output, and what halving the scatter of one factor would gain.
 
 Quantiles and the probability to exceed a limit are those of the points, with intervals that hold for any distribution
-and, where there is a limit, contain the numerical error. The error of the model, alike at all points, stands beside
+and, where there is a limit, contain the numerical error. The error of the model, alike at all points, is next to
 them. Halving needs no further points: each point counts by how much more often it would occur if that factor scattered
 half as far about its centre.
 

@@ -119,7 +119,7 @@ class ContactReader:
         return bool(self._names & (NEEDLE_NAMES | {"needle_pressure_mpa", "largest_needle_pressure_mpa"}))
 
     def read(self, i: int, row: FloatArray, memory: Memory, followers: Followers | None) -> None:
-        """Read the contacts of point i, whose balance stands in `memory`; `row` holds its constants."""
+        """Read the contacts of point i, whose balance is in `memory`; `row` holds its constants."""
         lanes = np.empty((len(_READ), *memory.eights.shape, memory.eights["normal"].shape[-1]))
         _read(row, memory, lanes)
         read = dict(zip(_READ, lanes.reshape(len(_READ), 3, -1)[..., : self._samples], strict=True))

@@ -100,7 +100,7 @@ def solve_samples(lap, first, last, linked):
     """Solve each sample alone, and for linked samples the sensitivity to h.
 
     Args:
-        lap: The system, which stands in `equations` and `follows`; solutions go into `changes` and `steps`.
+        lap: The system, which is in `equations` and `follows`; solutions go into `changes` and `steps`.
         first, last: The samples, without the last one.
         linked: Whether samples act on later ones; if not, the solution is complete, at two thirds of the cost.
     """

@@ -56,7 +56,7 @@ class Revolutions:
             self.finer[i] = thrust
 
     def follow(self, i: int, row: FloatArray, memory: Memory, followers: Followers, mean: FloatArray) -> None:
-        """Solve the revolutions of point i, whose balance with the mean of the last two stands in `memory`.
+        """Solve the revolutions of point i, whose balance with the mean of the last two is in `memory`.
 
         Args:
             i: The point.

@@ -162,7 +162,7 @@ def _skewed(points: JointValues[FloatArray]) -> list[Overlap]:
 
         def reason(i: int) -> str:
             return (
-                f"needles skewed by initial_skew_{k}_deg do not fit beside each other: bring it to "
+                f"needles skewed by initial_skew_{k}_deg do not fit next to each other: bring it to "
                 f"{_largest_skew(points, i)} deg or nearer to 0, or {_room(points, i)} (at "
                 f"{np.degrees(skew[i]):.4g} deg their axes are {rounded_down(spacing[i], 4)} mm apart, and "
                 f"needle_diameter_mm is {points.needle_diameter[i]:.4g})"
@@ -193,7 +193,7 @@ def _spacing(points: JointValues[FloatArray], skew: FloatArray | float) -> Float
 
 
 def _room(points: JointValues[FloatArray], i: int) -> str:
-    """Changes with which the needles of a point fit beside each other at its skews, with values on the safe side."""
+    """Changes with which the needles of a point fit next to each other at its skews, with values on the safe side."""
     point, needle, pitch = points.take(slice(i, i + 1)), points.needle_diameter[i], points.needle_pitch_diameter[i]
     skew = float(np.abs(point.initial_skews).max())
     most = int(most_needles(needle, pitch))
@@ -211,7 +211,7 @@ def _room(points: JointValues[FloatArray], i: int) -> str:
 
 
 def _largest_skew(points: JointValues[FloatArray], i: int) -> str:
-    """Largest skew in deg at which the needles of a point fit beside each other, rounded down."""
+    """Largest skew in deg at which the needles of a point fit next to each other, rounded down."""
     room = float(_spacing(points.take(slice(i, i + 1)), 0.0)[0] / points.needle_diameter[i])
     tangent = np.sqrt(max(room**2 - 1, 0.0)) / np.cos(np.pi / points.needle_count[i])
     return rounded_down(float(np.degrees(np.arctan(tangent))) / MARGIN, 3)

@@ -1,7 +1,7 @@
 """Ideal kinematics of the tripod joint: three trunnion axes through three groove axes, exactly and in closed form.
 
 The input axis is Z and points to the intermediate shaft, whose axis d = (sin theta, 0, cos theta) keeps its direction
-(the shaft is long against the spider's orbit). Groove k stands at phi_k = phi + (k - 1) 120 deg about Z; at phi_k = 0
+(the shaft is long against the spider's orbit). Groove k is at phi_k = phi + (k - 1) 120 deg about Z; at phi_k = 0
 its roller lies in the plane of both axes, between them. In the spider's plane, with the base e_1 = (cos theta, 0,
 -sin theta), e_2 = Y and complex numbers, the groove axes pierce the plane at
 
@@ -44,7 +44,7 @@ class IdealMotion(NamedTuple):
 
 @inlined_kernel
 def ideal_motion(cos_phi, sin_phi, cos_theta, sin_theta, pitch_radius, omega):
-    """Ideal motion of the roller whose groove stands at the rotation angle phi_k.
+    """Ideal motion of the roller whose groove is at the rotation angle phi_k.
 
     Args:
         cos_phi, sin_phi: Of the groove's rotation angle.

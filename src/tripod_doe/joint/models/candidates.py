@@ -7,7 +7,7 @@ three need more iterations. Candidates set an accuracy and no tolerance, so each
 and treats vibrating joints as its model does in a study that names it. Nine needles give noisy results: averaging
 the noise away would cost more than 27 needles, so their accuracy is 5 %.
 
-The costs are data beside this module. They do not affect the result of a point, so measuring them again neither
+The costs are data next to this module. They do not affect the result of a point, so measuring them again neither
 compiles the kernels again nor makes old results unusable, as a change of the source would.
 """
 

@@ -1,6 +1,6 @@
 """Poses and velocities at the start of a run: every roller rolls in its groove.
 
-Axes turn with the housing: z is the input axis towards the intermediate shaft, groove k stands at 120 deg (k - 1) from
+Axes turn with the housing: z is the input axis towards the intermediate shaft, groove k is at 120 deg (k - 1) from
 x. The shaft hangs on its outboard end, which circles backwards in these axes; three trunnion axes pass three groove
 axes at a given distance (what load and clearances make), which fixes the shaft's attitude. Unlike `kinematics` this
 knows the shaft's finite length. Velocities are central differences in the rotation angle.

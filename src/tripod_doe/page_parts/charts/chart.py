@@ -152,7 +152,7 @@ def intervals_text(halves: pd.Series, level: float) -> str:
 
 
 def name_rows(axes: Axes, rows: NDArray[np.intp], names: list[str], size: float = 8) -> None:
-    """Write a name beside each horizontal bar, in place of an axis."""
+    """Write a name next to each horizontal bar, in place of an axis."""
     axes.set_yticks(rows, names, fontsize=size)
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="y", visible=False)

@@ -22,7 +22,7 @@ from tripod_doe.service.explorer.view import View, selected_text
 from tripod_doe.study.cube.lazy_dataset import read_dataset
 
 _MOST_ROWS = 200
-_SIDE_NUMBERS = ("_conf", "_low", "_high", "_error", "_flag")  # endings of numbers shown beside another, or not at all
+_SIDE_NUMBERS = ("_conf", "_low", "_high", "_error", "_flag")  # endings of numbers shown next to another, or not at all
 _OF_METHOD = ("samples", "resolved", "samples_needed")  # describe the method of the analysis, not the joint
 
 _LIKE_OUTPUT = (
@@ -213,7 +213,7 @@ def view_behind(cube: xr.Dataset, result: xr.Dataset, variable: str, cell: int) 
 
 
 def _of_run(result: xr.Dataset, at: Mapping[str, Any]) -> dict[str, Any]:
-    """Method and setting of a timed run, which are shown beside its number."""
+    """Method and setting of a timed run, which are shown next to its number."""
     if "run" not in at or "setting_kind" not in result:
         return {}
     run = result.sel(run=at["run"]) if "run" in result.indexes else result.isel(run=int(at["run"]))

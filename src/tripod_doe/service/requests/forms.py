@@ -151,7 +151,7 @@ class PointRequest(_Form):
     @model_validator(mode="after")
     def _one_scene(self) -> Self:
         if "scene" in self.parameters:
-            raise ValueError("parameters: scene is a key of its own beside parameters")
+            raise ValueError("parameters: scene is a key of its own besides parameters")
         return self
 
 
@@ -185,7 +185,7 @@ class RunRecord(BaseModel):
     kind: Literal["study", "workflow", "fit", "optimisation"]
     question: str
     state: Literal["queued", "running", "stopping", "stopped", "finished", "failed"]
-    message: str = Field(description="why it failed or stopped, what it does beside its points, or what it found")
+    message: str = Field(description="why it failed or stopped, what it does besides its points, or what it found")
     points: Points
     outcomes: dict[str, int] = Field(description="points by outcome")
     cpu_seconds: float = Field(description="CPU time of all points (s)")

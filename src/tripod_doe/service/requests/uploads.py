@@ -69,7 +69,7 @@ def refuse_large_texts(size: int, texts: Mapping[str, str], limits: Limits) -> N
     long = sum(len(json.dumps(text)) for name, text in texts.items() if name.endswith(_RECORDS))
     if size - long > limits.body_bytes:
         raise TooLargeError(
-            f"the body is larger than {limits.body_bytes:,} bytes beside its .csv and .txt files, the limit here"
+            f"the body is larger than {limits.body_bytes:,} bytes besides its .csv and .txt files, the limit here"
         )
 
 

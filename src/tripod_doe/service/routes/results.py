@@ -72,7 +72,7 @@ def cube(run_id: str, service: AnyService, step: Step = None) -> Response:
 
 @router.get("/cost.nc", response_class=Response, responses=gives(_TYPES["netcdf"]))
 def costs(run_id: str, service: AnyService, step: Step = None) -> Response:
-    """The costs of the points of the cube, as a netCDF file beside it."""
+    """The costs of the points of the cube, as a netCDF file next to it."""
     return _results(service, service.results(run_id, step), "cost.nc")
 
 
@@ -114,7 +114,7 @@ def base(
 
 @router.post("/compare", responses=CHANGES, response_model=dict[str, Any], openapi_extra=takes(Comparison))
 def compare(run_id: str, body: Body, service: AnyService, step: Step = None) -> Response:
-    """A measurement beside a point of the cube: the object of `tripod-doe compare --format json`."""
+    """A measurement next to a point of the cube: the object of `tripod-doe compare --format json`."""
     path = str(service.results(run_id, step))
     return Response(service.ask_body("compare", body, as_json=True, path=path), media_type=_TYPES["json"])
 

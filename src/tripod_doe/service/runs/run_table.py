@@ -82,7 +82,7 @@ class Run:
     name: str
     question: str
     state: State  # its current state
-    message: str = ""  # why it failed or stopped, what it does beside its points, or what it found
+    message: str = ""  # why it failed or stopped, what it does besides its points, or what it found
     # its price, as `plans.plan_upload` gave it when it was submitted
     plan: Mapping[str, Any] = field(default_factory=dict)
     counts: PointCounts = field(default_factory=lambda: PointCounts(0))  # points that have ended

@@ -332,7 +332,7 @@ def base(path: str, kind: str, candidate: int | None) -> str:
 
 
 def compare(path: str, body: bytes, limits: Limits) -> Any:
-    """A measurement beside a point of a cube, as ``compare --format json`` gives it."""
+    """A measurement next to a point of a cube, as ``compare --format json`` gives it."""
     from tripod_doe.service.explorer.uploaded_measurement import compare_upload
 
     return compare_upload(path, **read_form(body, Comparison, limits.nesting).model_dump())

@@ -45,7 +45,7 @@ COST_VARIABLES = {
     "solves": ("1", "factorisations of a linear system"),
     "simulated_seconds": ("s", "time of the motion that was followed, up to the end or the failure"),
 }
-"""Units and meanings of the variables of cost.nc; the worker's name stands beside them."""
+"""Units and meanings of the variables of cost.nc; the worker's name is next to them."""
 
 EXCLUDED = "excluded"
 """Variable that flags the grid cells that a constraint excludes; missing if no cell is excluded."""
@@ -57,7 +57,7 @@ RECORD_ROLE = "record of the run"
 """Attribute ``role`` of variables that record the computation of a point, not its results."""
 
 RESPONSE_ROLE = "result of its own"
-"""Attribute ``role`` of outputs that reports show beside the main ones (`Output.response`)."""
+"""Attribute ``role`` of outputs that reports show next to the main ones (`Output.response`)."""
 
 ROW_OF_PART = "row of the sub-design"
 """Meaning of the coordinates that number the rows of a part of a product."""

@@ -64,7 +64,7 @@ def refuse_unfit(path: Path, whole: bool = False) -> None:
     directory = _directory_of(path)
     refuse_changed(path, unlisted=directory is None and path.name in _LISTED and names_results(path.parent))
     if directory is not None:
-        if directory != path.parent:  # an analysis has no list beside it
+        if directory != path.parent:  # an analysis has no list next to it
             refuse_other_results(directory)
         _refuse_other_study(path, directory)
 

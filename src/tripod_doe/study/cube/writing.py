@@ -63,7 +63,7 @@ class StoredResults:
 def write_cube(
     asked: StudyPoints, results: StoredResults, directory: Path, action: str, check: Callable[[], None]
 ) -> None:
-    """Write ``cube.nc`` and ``cost.nc``; a kill leaves the old ones, the new ones, or the old cube beside new costs.
+    """Write ``cube.nc`` and ``cost.nc``; a kill leaves the old ones, the new ones, or the old cube next to new costs.
 
     In a result directory the last is recognised by the note `OUTDATED` in its journal, which is still "yes".
 

@@ -45,7 +45,7 @@ def varied_around_base(file: StudyFile) -> set[str]:
 
 
 def ablation_at_operating_points(simulator: Simulator, file: StudyFile) -> StudyFile:
-    """Turn an ablation beside other factors into a product: the ablation at each of their grid points."""
+    """Turn an ablation with other factors into a product: the ablation at each of their grid points."""
     if file.design.kind != "ablation":
         return file
     switches = _switches_of(file.design, simulator.parameters, list(file.factors))

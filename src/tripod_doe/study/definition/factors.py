@@ -39,7 +39,7 @@ _OF_SAMPLES = {"distribution", "mean", "std", "mode", "weights"}
 
 
 def refuse_unread(table: FactorTable) -> None:
-    """Refuse a distribution beside levels, which no design would sample."""
+    """Refuse a distribution together with levels, which no design would sample."""
     listed = "count" if table.count else "values" if table.values and table.distribution != "discrete" else ""
     if listed and (unread := sorted(table.model_fields_set & _OF_SAMPLES)):
         raise InputError(f"{listed} and {', '.join(unread)}: give either levels or a distribution, not both")

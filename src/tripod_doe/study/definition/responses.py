@@ -249,7 +249,7 @@ def evaluated(
 
 
 def divides_by_rounding(response: Response, arrays: Mapping[str, NamedArray]) -> NDArray[np.bool_]:
-    """Points at which a formula divides by a number that is rounding beside the largest of its output, shape (point,).
+    """Points at which a formula divides by rounding, compared with the largest value of an output, shape (point,).
 
     Args:
         arrays: See `evaluated`.

@@ -45,7 +45,7 @@ class StudyFolder:
         return replace(self, path=file.resolve().parent)
 
     def file(self, name: str, key: str) -> Path:
-        """The path of a file by its name, which is relative to this folder and stands under a key.
+        """The path of a file by its name, which is relative to this folder and is under a key.
 
         Raises:
             ForbiddenError: In a file from a stranger, for a name that leads out of the folder, or to nothing in it.
@@ -63,7 +63,7 @@ class StudyFolder:
             inside = there = False
         if not inside:
             raise ForbiddenError(
-                f"{key} = {name[:_SHOWN]!r}: a file from elsewhere: put it beside this one and give its plain name, "
+                f"{key} = {name[:_SHOWN]!r}: a file from elsewhere: put it next to this one and give its plain name, "
                 "without a folder"
             )
         if not there:

@@ -38,7 +38,7 @@ def write_template(path: str | Path, kind: str = "grid") -> Path:
 
     text = (files("tripod_doe.study.definition") / "templates" / f"{kind}.toml").read_text(encoding="utf-8")
     if '"' in path.stem or "\\" in path.stem or not path.stem.isprintable():
-        raise InputError(f"{path}: quotes, backslashes and control characters cannot stand in the name of a study")
+        raise InputError(f"{path}: quotes, backslashes and control characters are not allowed in the name of a study")
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text.replace("NAME", path.stem))

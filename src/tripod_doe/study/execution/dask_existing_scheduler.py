@@ -34,7 +34,7 @@ class TlsFiles:
 
     ca_file: Path  # certificate of the authority that signed the scheduler's
     cert: Path  # certificate of this client
-    key: Path | None = None  # its key; None where it stands in the file of the certificate
+    key: Path | None = None  # its key; None where it is in the file of the certificate
 
     def security(self) -> Security:
         """The credentials for a client of Dask; InputError if a file cannot be used."""

@@ -104,7 +104,7 @@ def _serve(count: int, modules: list[str]) -> None:
     multiprocessing.set_forkserver_preload(
         [_OWN, "distributed.nanny", "distributed.worker", f"{__package__}.dask_task", *modules]
     )
-    forkserver.ensure_running()  # it imports them beside the imports here: on two cores that halves the start
+    forkserver.ensure_running()  # it imports them in parallel with the imports here: on two cores that halves the start
 
     import dask
     from distributed import LocalCluster

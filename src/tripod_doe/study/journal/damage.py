@@ -86,8 +86,8 @@ def refuse_strange_files(path: Path) -> None:
     during rollback, in any folder. See "The Super-Journal" in SQLite's description of its file format.
 
     Raises:
-        CubeError: If anything else than a file is there, or a link to a file that is no database: beside that, SQLite
-            would delete what has the names of companions.
+        CubeError: If it is not a file, or a link to a file that is no database: SQLite would delete the files that have
+            the names of its companions.
         DamagedRowError: If the rollback journal names another file.
     """
     _refuse_pipes(path)
@@ -224,7 +224,7 @@ def counted(key: str, note: str | None) -> int:
 
 
 def rescue(path: Path, reason: str) -> str:
-    """Replace a damaged journal by a new one with all intact blocks; keep the damaged file beside it.
+    """Replace a damaged journal by a new one with all intact blocks; keep the damaged file next to it.
 
     Args:
         path: The journal, whose directory this process holds.

@@ -23,14 +23,14 @@ def stored_rows(path: Path) -> Iterator[tuple[Any, ...]]:
     """Read all rows that can be read, each with its number first; newer ones after older ones, and some twice.
 
     Args:
-        path: The file, beside which it is copied; its log is that with ``-wal`` at the end of its name.
+        path: The file, next to which it is copied; its log is that with ``-wal`` at the end of its name.
     """
     with TemporaryDirectory(prefix=".rescue-", dir=path.parent) as folder:
         yield from _rows(path, Path(folder) / "pages", log_only=False)
 
 
 def logged_rows(path: Path) -> Iterator[tuple[Any, ...]]:
-    """Read the rows among them that stand in the log."""
+    """Read the rows among them that are in the log."""
     if _frames(path):
         with TemporaryDirectory(prefix="tripod-doe-") as folder:
             yield from _rows(path, Path(folder) / "pages", log_only=True)

@@ -137,7 +137,7 @@ def unmet(cube: xr.Dataset, select: Mapping[str, Chosen] | Sequence[Selection | 
 
 @dataclass(frozen=True)
 class _Choice:
-    """Chosen cells of a cube: a variable, the variables beside it, and the rows along each dimension."""
+    """Chosen cells of a cube: a variable, the variables next to it, and the rows along each dimension."""
 
     cube: xr.Dataset  # the whole cube
     variable: str  # the name of the variable, or of the one with the most dimensions

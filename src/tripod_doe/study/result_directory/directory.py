@@ -135,7 +135,7 @@ class ResultDirectory:
         self._journal.remember({POINTS: str(int(asked.to_compute.sum()))})
 
     def note_further(self, points: int) -> None:
-        """Remember how many points are computed beside those with results, before all are known."""
+        """Remember how many points are computed besides those with results, before all are known."""
         self._journal.remember({POINTS: str(np.unique(self._journal.keys()).size + points)})
 
     def blocks(self) -> Iterator[FinishedBlock]:

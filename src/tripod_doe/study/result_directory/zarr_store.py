@@ -1,4 +1,4 @@
-"""Export of a cube as a Zarr store, beside the cube; never read here."""
+"""Export of a cube as a Zarr store, next to the cube; never read here."""
 
 import importlib.util
 import shutil

@@ -20,8 +20,8 @@ from tripod_doe.analyses.fit.estimation.misfit import Misfit, Rows
 from tripod_doe.array_types import FloatArray
 
 _SPREAD = 0.7
-"""Deviation of the logarithm of a factor before. Of the 163 points of the record beside `needles`, each by the ten
-most like it, errors of `kinetostatic` scatter as normal ones whose deviations scatter by this (quartiles 0.64, upper
+"""Deviation of the logarithm of a factor before. Of the 163 recorded points with `needles`, each by the ten most like
+it, errors of `kinetostatic` scatter as normal ones whose deviations scatter by this (quartiles 0.64, upper
 tenth 0.64, upper twentieth 0.74)."""
 
 _ALONE = (2, 3)  # orders whose errors have a factor of their own; all others have one together

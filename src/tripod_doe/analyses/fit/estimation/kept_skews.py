@@ -30,8 +30,8 @@ _WEIGHINGS = 2
 def with_initial_skews(orders: ComplexArray, needles: Needles, initial: FloatArray) -> tuple[ComplexArray, Needles]:
     """What a model would say of needles that keep their skew: a second order in proportion to the skews at the start.
 
-    What a groove gives beyond its skew comes from needles that turn within a revolution. Beside `rollers`, this second
-    order errs by 5 % in the median, with that rest by 9 % (282 points, benchmarks/RESULTS.md).
+    What a groove gives beyond its skew comes from needles that turn within a revolution. Compared with `rollers`, this
+    second order errs by 5 % in the median, with that rest by 9 % (282 points, benchmarks/RESULTS.md).
 
     Args:
         orders: Orders 0 to 12, shape (point, order).

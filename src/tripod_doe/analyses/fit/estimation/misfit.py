@@ -17,7 +17,7 @@ from scipy.linalg import solve_triangular
 from tripod_doe.array_types import ComplexArray, FloatArray, IntArray
 
 _LEAST_CHANGE = 1e-3  # of the largest, below which a shared error is none
-_TINY = 1e-12  # beside a column without information
+_TINY = 1e-12  # added where a column has no information
 _ROUNDS = 3  # of Gauss-Newton on the angles, which start at most some degrees off
 
 
