@@ -29,7 +29,7 @@ from tripod_doe.analyses.multifidelity.quantiles import quantiles
 from tripod_doe.analyses.sensitivity.delta import borgonovo_delta
 from tripod_doe.analyses.sensitivity.dgsm import derivative_measures
 from tripod_doe.analyses.sensitivity.morris import morris_effects
-from tripod_doe.analyses.sensitivity.pawn import PawnSettings, pawn_indices
+from tripod_doe.analyses.sensitivity.pawn import ChanceSettings, PawnSettings, pawn_indices
 from tripod_doe.analyses.sensitivity.rbd_fast import rbd_fast_indices
 from tripod_doe.analyses.sensitivity.shapley import shapley_effects
 from tripod_doe.analyses.sensitivity.sobol import sobol_indices
@@ -138,10 +138,7 @@ def of_indices(seed: int) -> Hits:
     sampled = cube_of('kind = "latin-hypercube"\nsamples = 256', seed)
     yield from (("rbd-fast S1", hit) for hit in within(rbd_fast_indices(sampled), "S1", share)[:2])
     yield from (("shapley", hit) for hit in within(shapley_effects(sampled), "shapley", share)[:2])
-    for name, analyse, settings in (
-        ("pawn", pawn_indices, PawnSettings),
-        ("delta", borgonovo_delta, SensitivitySettings),
-    ):
+    for name, analyse, settings in (("pawn", pawn_indices, PawnSettings), ("delta", borgonovo_delta, ChanceSettings)):
         yield f"{name}: not resolved without effect", analyse(sampled, settings(seed=seed))["resolved"].values[2] == 0
 
 

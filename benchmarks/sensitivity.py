@@ -22,16 +22,15 @@ from SALib.analyze import pawn as salib_pawn
 from SALib.analyze import rbd_fast as salib_rbd_fast
 from SALib.analyze import sobol as salib_sobol
 
-from tripod_doe.analyses.factorial_effects.factorial_effects import EffectsSettings, factorial_effects
+from tripod_doe.analyses.factorial_effects.factorial_effects import factorial_effects
 from tripod_doe.analyses.sensitivity.delta import borgonovo_delta
-from tripod_doe.analyses.sensitivity.dgsm import DgsmSettings, derivative_measures
+from tripod_doe.analyses.sensitivity.dgsm import derivative_measures
 from tripod_doe.analyses.sensitivity.fast import fast_indices
-from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
-from tripod_doe.analyses.sensitivity.pawn import PawnSettings, pawn_indices
+from tripod_doe.analyses.sensitivity.morris import morris_effects
+from tripod_doe.analyses.sensitivity.pawn import pawn_indices
 from tripod_doe.analyses.sensitivity.rbd_fast import rbd_fast_indices
 from tripod_doe.analyses.sensitivity.shapley import shapley_effects
 from tripod_doe.analyses.sensitivity.sobol import sobol_indices
-from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study.definition.study_file_schema import parse_file
 from tripod_doe.study.designs import unit_sample
@@ -90,57 +89,49 @@ def measured(call: Callable[[], object]) -> tuple[float, float]:
 def beside_salib(names: list[str]) -> None:
     """Analyses (all, if none is named) of about 100,000 rows and 60 outputs, and SALib's in a loop where it has the same."""
     print(f"{'analysis':12} {'rows':>8}  {'ours: CPU s':>12} {'MB':>6}  {'SALib: CPU s':>12} {'MB':>6}")
-    once = {"precision": 1.0}
     cases = {
         "sobol": (
             'kind = "saltelli"\nsamples = 8192',
             sobol_indices,
-            SensitivitySettings(**once),
             lambda x, y: salib_sobol.analyze(PROBLEM, y, seed=1),
         ),
         "morris": (
             'kind = "morris"\nsamples = 16667',
             morris_effects,
-            MorrisSettings(**once),
             lambda x, y: salib_morris.analyze(PROBLEM, x, y, seed=1),
         ),
         "rbd-fast": (
             'kind = "rbd-fast"\nsamples = 100000',
             rbd_fast_indices,
-            SensitivitySettings(**once),
             lambda x, y: salib_rbd_fast.analyze(PROBLEM, x, y, seed=1),
         ),
         "fast": (
             'kind = "fast"\nsamples = 20000',
             fast_indices,
-            SensitivitySettings(**once),
             lambda x, y: salib_fast.analyze(PROBLEM, y, num_resamples=20, seed=1),
         ),
         "dgsm": (
             'kind = "finite-differences"\nsamples = 16667',
             derivative_measures,
-            DgsmSettings(**once),
             lambda x, y: salib_dgsm.analyze(PROBLEM, x, y, seed=1),
         ),
         "pawn": (
             'kind = "latin-hypercube"\nsamples = 100000',
             pawn_indices,
-            PawnSettings(**once),
             lambda x, y: salib_pawn.analyze(PROBLEM, x, y, seed=1),
         ),
         "delta": (
             'kind = "latin-hypercube"\nsamples = 100000',
             borgonovo_delta,
-            SensitivitySettings(**once),
             lambda x, y: salib_delta.analyze(PROBLEM, x, y, num_resamples=20, seed=1),
         ),
-        "shapley": ('kind = "latin-hypercube"\nsamples = 100000', shapley_effects, SensitivitySettings(**once), None),
-        "effects": ('kind = "rbd-fast"\nsamples = 100000', factorial_effects, EffectsSettings(**once), None),
+        "shapley": ('kind = "latin-hypercube"\nsamples = 100000', shapley_effects, None),
+        "effects": ('kind = "rbd-fast"\nsamples = 100000', factorial_effects, None),
     }
     for name in names or cases:
-        design, analyse, settings, theirs = cases[name]
+        design, analyse, theirs = cases[name]
         cube, unit = cube_of(design, sixty, 5)
-        seconds, peak = measured(partial(analyse, cube, settings))
+        seconds, peak = measured(partial(analyse, cube))
         line = f"{name:12} {len(unit):8,}  {seconds:12.2f} {peak:6.0f}"
         if theirs is not None:
             seconds, peak = measured(partial(one_by_one, theirs, unit, cube["y"].values[:, :_LOOPED]))
@@ -157,22 +148,17 @@ def one_by_one(theirs: Callable[[np.ndarray, np.ndarray], object], unit: np.ndar
 def coverage(seeds: int = 100) -> None:
     """Share of the intervals that hold the analytic index, by method and number of samples."""
     methods = [
-        (
-            f'kind = "saltelli"\nsamples = {n}\nsecond_order = false',
-            sobol_indices,
-            SensitivitySettings(precision=1),
-            ("S1", "ST"),
-        )
+        (f'kind = "saltelli"\nsamples = {n}\nsecond_order = false', sobol_indices, ("S1", "ST"))
         for n in (64, 256, 1024)
     ]
     methods += [
-        ('kind = "rbd-fast"\nsamples = 1024', rbd_fast_indices, SensitivitySettings(precision=1), ("S1",)),
-        ('kind = "latin-hypercube"\nsamples = 1024', shapley_effects, SensitivitySettings(precision=1), ("shapley",)),
+        ('kind = "rbd-fast"\nsamples = 1024', rbd_fast_indices, ("S1",)),
+        ('kind = "latin-hypercube"\nsamples = 1024', shapley_effects, ("shapley",)),
     ]
-    for design, analyse, settings, keys in methods:
+    for design, analyse, keys in methods:
         hits: dict[str, list[np.ndarray]] = {key: [] for key in keys}
         for seed in range(seeds):
-            found = analyse(cube_of(f"{design}\nseed = {seed}", ishigami, 3)[0], settings)
+            found = analyse(cube_of(f"{design}\nseed = {seed}", ishigami, 3)[0])
             for key in keys:
                 hits[key].append((np.abs(found[key] - TRUTH[key]) <= found[f"{key}_conf"]).values)
         told = ", ".join(f"{key} {100 * np.mean(hits[key]):.1f} %" for key in keys)

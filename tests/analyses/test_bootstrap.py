@@ -8,6 +8,7 @@ from pydantic import ValidationError
 
 from tripod_doe.analyses.bootstrap import random_halves
 from tripod_doe.analyses.factorial_effects.factorial_effects import EffectsSettings
+from tripod_doe.analyses.sensitivity.morris import MorrisSettings
 from tripod_doe.analyses.settings import SensitivitySettings
 from tripod_doe.analyses.tolerance.tolerance import ToleranceSettings
 
@@ -25,6 +26,8 @@ def test_resamples_are_bounded():
     assert SensitivitySettings(resamples=10_000).resamples == 10_000
     with pytest.raises(ValidationError, match="10000"):
         SensitivitySettings(resamples=10_001)
+    with pytest.raises(ValidationError, match="1000"):  # fewer were accepted, and 1000 taken
+        MorrisSettings(resamples=999)
 
 
 @pytest.mark.parametrize(

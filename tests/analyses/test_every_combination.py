@@ -21,8 +21,8 @@ from tripod_doe.analyses.registry import ANALYSES
 from tripod_doe.analyses.sensitivity.delta import borgonovo_delta
 from tripod_doe.analyses.sensitivity.dgsm import derivative_measures
 from tripod_doe.analyses.sensitivity.fast import fast_indices
-from tripod_doe.analyses.sensitivity.morris import morris_effects
-from tripod_doe.analyses.sensitivity.pawn import PawnSettings, pawn_indices
+from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
+from tripod_doe.analyses.sensitivity.pawn import ChanceSettings, PawnSettings, pawn_indices
 from tripod_doe.analyses.sensitivity.rbd_fast import rbd_fast_indices
 from tripod_doe.analyses.sensitivity.sentences import find_in_sensitivity
 from tripod_doe.analyses.sensitivity.shapley import shapley_effects
@@ -208,8 +208,7 @@ def long_run(analyse, design, kinds, key):
 def of_effects(kinds, seed, lost):
     """Elementary effects beside those of many trajectories; of a sum they are exact, whatever the factors are."""
     result = morris_effects(
-        cube_of(text_of(f'kind = "morris"\nsamples = 12\nseed = {seed}', kinds), lost),
-        SensitivitySettings(most_dropped=0.8),
+        cube_of(text_of(f'kind = "morris"\nsamples = 12\nseed = {seed}', kinds), lost), MorrisSettings(most_dropped=0.8)
     )
     yield ("exact", "sum", "a"), abs(float(result["mu_star"][0, 0]) - 3) < 3e-2 + 3 * ("log" in kinds)
     yield from hits_of(
@@ -318,7 +317,7 @@ CHECKS = {
     "shapley": (of_indices(shapley_effects, 'kind = "latin-hypercube"\nsamples = 60', ("shapley",)), KINDS),
     "dgsm": (of_derivatives, CONTINUOUS),
     "pawn": (of_chance(pawn_indices, PawnSettings), KINDS),
-    "delta": (of_chance(borgonovo_delta, SensitivitySettings), KINDS),
+    "delta": (of_chance(borgonovo_delta, ChanceSettings), KINDS),
     "effects": (of_regression('kind = "latin-hypercube"\nsamples = 30'), BOUNDED),
     "tolerance": (of_distribution('kind = "latin-hypercube"\nsamples = 40'), KINDS),
 }

@@ -5,9 +5,12 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 import xarray as xr
+from published import cube_of
 
+from slow_cases import first_fast
 from tripod_doe.analyses import registry
 from tripod_doe.analyses.comparison.record_comparison import ComparisonSettings, compare_file
 from tripod_doe.analyses.contribution.contribution import ContributionSettings, contribution_shares
@@ -136,3 +139,38 @@ def test_an_error_of_our_own_is_not_called_a_fault_of_the_result(ablation, monke
     monkeypatch.setattr(registry, "MADE", set())
     with pytest.raises(CubeError, match="out of range; make it again"):
         findings_of("shares", shares)
+
+
+def curved(x):
+    return np.sin(6 * x[:, 0]) + x[:, 1] ** 2 + x[:, 0] * x[:, 2]
+
+
+DESIGNS = {
+    "fast": '"fast"\nsamples = 65',
+    "pawn": '"latin-hypercube"\nsamples = 64',
+    "morris": '"morris"\nsamples = 32',
+    "sobol": '"saltelli"\nsamples = 32',
+    "dgsm": '"finite-differences"\nsamples = 32',
+    "effects": '"latin-hypercube"\nsamples = 64',
+    "delta": '"latin-hypercube"\nsamples = 64',
+    "rbd-fast": '"latin-hypercube"\nsamples = 64',
+    "tolerance": '"latin-hypercube"\nsamples = 64',
+    "shapley": '"latin-hypercube"\nsamples = 64',
+    "surrogate": '"latin-hypercube"\nsamples = 30',
+}
+OTHER = {
+    "confidence": 0.8, "resamples": 2000, "seed": 7, "precision": 0.5, "slices": 5, "interactions": False, "squares": False,
+    "folds": 3, "probabilities": [0.5], "limits": {"y": 1.0}, "keep": 0.8, "costs": {"torque_n_m": 2.0},
+}  # fmt: skip
+ELSEWHERE = {"outputs", "holes", "most_dropped", "confirm"}  # other outputs, failed points, and points that a run adds
+
+
+@pytest.mark.parametrize("kind", first_fast(DESIGNS, 5))
+def test_every_setting_of_a_kind_changes_its_answer(kind):
+    """Regression: `precision` and `resamples` of pawn, delta and surrogate, and all of fast, did nothing."""
+    row, cube = ANALYSES[kind], cube_of(f"kind = {DESIGNS[kind]}", curved)
+    usual = {"outputs": ["y"]} | ({"limits": {"y": 0.5}} if kind == "tolerance" else {})
+    answer = row.function({kind: cube}, row.settings(**usual), None)
+    for key in row.settings.model_fields.keys() - ELSEWHERE:
+        other = row.function({kind: cube}, row.settings(**usual | {key: OTHER[key]}), None)
+        assert not answer.equals(other), key

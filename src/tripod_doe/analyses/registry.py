@@ -28,11 +28,11 @@ from tripod_doe.analyses.sensitivity.delta import borgonovo_delta
 from tripod_doe.analyses.sensitivity.dgsm import DgsmSettings, derivative_measures
 from tripod_doe.analyses.sensitivity.fast import fast_indices
 from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
-from tripod_doe.analyses.sensitivity.pawn import PawnSettings, pawn_indices
+from tripod_doe.analyses.sensitivity.pawn import ChanceSettings, PawnSettings, pawn_indices
 from tripod_doe.analyses.sensitivity.rbd_fast import FEWEST, rbd_fast_indices
 from tripod_doe.analyses.sensitivity.shapley import shapley_effects
 from tripod_doe.analyses.sensitivity.sobol import sobol_indices
-from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.settings import PointSettings, SensitivitySettings
 from tripod_doe.analyses.speed_accuracy.speed_accuracy import SpeedAccuracySettings, speed_accuracy
 from tripod_doe.analyses.stability.stability import StabilitySettings, stability_borders
 from tripod_doe.analyses.surrogate.surrogate import SURROGATE_DESIGNS, SurrogateSettings, surrogate
@@ -132,10 +132,10 @@ ANALYSES: dict[str, Analysis] = {
     for row in (
         _indices(sobol_indices, SensitivitySettings, "saltelli"),
         _indices(morris_effects, MorrisSettings, "morris"),
-        _indices(fast_indices, SensitivitySettings, "fast"),
+        _indices(fast_indices, PointSettings, "fast"),
         _indices(rbd_fast_indices, SensitivitySettings, *SAMPLED_DESIGNS, independent=True, fewest=FEWEST),
         _indices(pawn_indices, PawnSettings, *SAMPLED_DESIGNS),
-        _indices(borgonovo_delta, SensitivitySettings, *SAMPLED_DESIGNS),
+        _indices(borgonovo_delta, ChanceSettings, *SAMPLED_DESIGNS),
         _indices(derivative_measures, DgsmSettings, "finite-differences"),
         _indices(shapley_effects, SensitivitySettings, "latin-hypercube", "rbd-fast"),
         Analysis(

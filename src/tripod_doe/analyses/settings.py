@@ -21,16 +21,17 @@ Probabilities = Annotated[
 ]
 """Probabilities of the quantiles that an analysis computes, in ascending order and each once."""
 
+MOST_RESAMPLES = 10_000
+
 Precision = Annotated[
     float, Field(gt=0, description="half width of an interval that is narrow enough, over the largest index")
 ]
 
 
 class PointSettings(Table):
-    """Settings of every analysis of points with intervals: outputs, confidence, and treatment of failed points."""
+    """Settings of every analysis of points: outputs, and treatment of failed points."""
 
     outputs: list[str] = Field([], description="outputs to analyse; all kept ones if omitted")
-    confidence: float = Field(0.95, gt=0, lt=1, description="level of the confidence intervals")
     holes: Literal["drop", "rest", "refuse"] = Field(
         "drop",
         description="what is done where points failed: drop the blocks that they belong to, answer for the rest of the "
@@ -39,10 +40,16 @@ class PointSettings(Table):
     most_dropped: float = Field(0.2, ge=0, lt=1, description="share of the blocks that may be dropped")
 
 
-class ResampledSettings(PointSettings):
+class IntervalSettings(PointSettings):
+    """Settings of an analysis with intervals."""
+
+    confidence: float = Field(0.95, gt=0, lt=1, description="level of the confidence intervals")
+
+
+class ResampledSettings(IntervalSettings):
     """Settings of an analysis with intervals by resampling."""
 
-    resamples: int = Field(100, ge=10, le=10_000, description="resamples of the confidence intervals")
+    resamples: int = Field(100, ge=10, le=MOST_RESAMPLES, description="resamples of the confidence intervals")
     seed: int = Field(0, ge=0, description="seed of the resampling")
 
 

@@ -18,11 +18,11 @@ from tripod_doe.analyses.sensitivity.delta import borgonovo_delta
 from tripod_doe.analyses.sensitivity.dgsm import derivative_measures
 from tripod_doe.analyses.sensitivity.fast import fast_indices
 from tripod_doe.analyses.sensitivity.morris import MorrisSettings, morris_effects
-from tripod_doe.analyses.sensitivity.pawn import PawnSettings, pawn_indices
+from tripod_doe.analyses.sensitivity.pawn import ChanceSettings, PawnSettings, pawn_indices
 from tripod_doe.analyses.sensitivity.rbd_fast import rbd_fast_indices
 from tripod_doe.analyses.sensitivity.shapley import shapley_effects
 from tripod_doe.analyses.sensitivity.sobol import sobol_indices
-from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.settings import PointSettings, SensitivitySettings
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import Outcome
 from tripod_doe.study import memory
@@ -99,7 +99,7 @@ def test_curves_and_samples_give_what_salib_gives():
         cube = cube_of(f'kind = "rbd-fast"\nsamples = {samples}\nseed = 1', two)
         x = unit_of(cube)
         first, slices = rbd_fast_indices(cube), pawn_indices(cube, PawnSettings())
-        areas = borgonovo_delta(cube, SensitivitySettings())
+        areas = borgonovo_delta(cube)
         number = int(np.round(min(int(np.ceil(samples ** (2 / (7 + np.tanh((1500 - samples) / 500))))), 48)))
         for k in range(2):
             y = cube["y"].values[:, k]
@@ -114,7 +114,7 @@ def test_curves_and_samples_give_what_salib_gives():
 
 
 @pytest.mark.parametrize(
-    ("analyse", "settings"), first_fast([(pawn_indices, PawnSettings), (borgonovo_delta, SensitivitySettings)], 1)
+    ("analyse", "settings"), first_fast([(pawn_indices, PawnSettings), (borgonovo_delta, ChanceSettings)], 1)
 )
 def test_an_index_without_honest_intervals_has_none_and_is_tested_against_chance(analyse, settings):
     """Of factors without effect one in twenty counts as resolved: at most 10 of 60 with a probability of 99.9 %."""
@@ -333,7 +333,7 @@ def test_failures_in_one_corner_are_told_as_a_region():
 
 def test_a_curve_with_a_failed_point_has_no_index():
     cube = cube_of('kind = "fast"\nsamples = 129\nseed = 1', linear_interaction)
-    found = fast_indices(planted(cube, [130]), SensitivitySettings(most_dropped=0.5))
+    found = fast_indices(planted(cube, [130]), PointSettings(most_dropped=0.5))
     assert np.isfinite(found["S1"].values).tolist() == [True, False, True]
     assert found["S1"].values[[0, 2]] == pytest.approx(fast_indices(cube)["S1"].values[[0, 2]])
     assert found.attrs["points_dropped"] == 129

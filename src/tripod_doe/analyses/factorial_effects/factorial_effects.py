@@ -28,7 +28,7 @@ from tripod_doe.analyses.output_table import (
     side_by_side,
     stacked,
 )
-from tripod_doe.analyses.settings import PointSettings
+from tripod_doe.analyses.settings import IntervalSettings
 from tripod_doe.analyses.usable_points import Sample, analysed_points, read_sample, whole_outputs
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.study.definition.study_file_schema import FactorTable
@@ -50,7 +50,7 @@ EFFECT_DESIGNS = (
 """Designs whose points a regression can use."""
 
 
-class EffectsSettings(PointSettings):
+class EffectsSettings(IntervalSettings):
     """[analysis.NAME] of kind effects."""
 
     interactions: bool = Field(True, description="whether products of two factors are terms")

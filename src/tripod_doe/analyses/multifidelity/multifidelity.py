@@ -20,7 +20,7 @@ from tripod_doe.analyses.output_table import (
     side_by_side,
     stacked,
 )
-from tripod_doe.analyses.settings import SHARES, PointSettings, Probabilities
+from tripod_doe.analyses.settings import SHARES, IntervalSettings, Probabilities
 from tripod_doe.analyses.usable_points import analysed_points
 from tripod_doe.array_types import FloatArray
 from tripod_doe.errors import InputError
@@ -36,7 +36,7 @@ _CONSTANT = 1e-9  # spread below which an output does not vary, over its largest
 _FEWEST_DECIDING = 5  # samples that make up a variance: where fewer do, intervals of 95 % held in 42 to 84 %
 
 
-class MultifidelitySettings(PointSettings):
+class MultifidelitySettings(IntervalSettings):
     """[analysis.NAME] of kind multifidelity."""
 
     probabilities: Probabilities = Field([0.05, 0.5, 0.95])

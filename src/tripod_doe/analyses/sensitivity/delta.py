@@ -14,8 +14,7 @@ import numpy as np
 
 from tripod_doe.analyses.output_table import OutputTable
 from tripod_doe.analyses.sensitivity.method import Answers, Method, analysis_of
-from tripod_doe.analyses.sensitivity.pawn import with_chance
-from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.sensitivity.pawn import ChanceSettings, with_chance
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample
 from tripod_doe.array_types import FloatArray, IntArray
 
@@ -77,7 +76,7 @@ def _indices(values: FloatArray, factors: FloatArray) -> FloatArray:
     return indices
 
 
-def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
+def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings: ChanceSettings) -> Answers:
     rows = np.arange(min(sample.rows.size, _MOST_POINTS))
     factors, own = with_chance(sample, settings)
     indices = _indices(table.values[rows][:, components], factors[rows])
@@ -95,5 +94,8 @@ METHOD = Method(
 )
 
 borgonovo_delta = analysis_of(
-    METHOD, "delta", "Borgonovo's delta from the first 4096 points, since its cost grows with their square."
+    METHOD,
+    "delta",
+    "Borgonovo's delta from the first 4096 points, since its cost grows with their square.",
+    ChanceSettings,
 )

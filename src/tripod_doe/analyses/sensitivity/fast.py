@@ -11,7 +11,7 @@ import numpy as np
 
 from tripod_doe.analyses.output_table import OutputTable
 from tripod_doe.analyses.sensitivity.method import Answers, Method, analysis_of
-from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.settings import PointSettings
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.study.designs import CURVE_HARMONICS
@@ -28,7 +28,7 @@ def _curve_indices(curve: FloatArray) -> tuple[FloatArray, FloatArray]:
         return own / whole, 1 - power[: frequency // 2].sum(axis=0) / whole
 
 
-def _fast(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
+def _fast(sample: Sample, table: OutputTable, components: IntArray, settings: PointSettings) -> Answers:
     length, width = sample.block, sample.blocks
     parts = table.parts(components).reshape(-1, width, length, components.size)
     curves = [_curve_indices(parts[:, at]) for at in range(width)]
@@ -50,5 +50,8 @@ METHOD = Method(
 )
 
 fast_indices = analysis_of(
-    METHOD, "fast", "First-order and total Sobol' indices by extended FAST (Saltelli, Tarantola and Chan 1999)."
+    METHOD,
+    "fast",
+    "First-order and total Sobol' indices by extended FAST (Saltelli, Tarantola and Chan 1999).",
+    PointSettings,
 )

@@ -7,6 +7,7 @@ below the numerical error of the model, convergence over nested subsamples, and 
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from tripod_doe.analyses.bootstrap import FEWEST_DECIDING, deciding
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import OutputTable, answered_in_parts, output_attributes, side_by_side, stacked
-from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.settings import PointSettings, SensitivitySettings
 from tripod_doe.analyses.usable_points import Sample, analysed_points, read_sample, whole_outputs
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import InputError
@@ -31,6 +32,7 @@ DEPENDENT = (
 
 _FRACTIONS = (8, 4, 2)  # parts of the points over which the convergence is looked at
 _FEWEST = 16  # blocks of the smallest part
+_NOTED = {"confidence_level": "confidence", "precision": "precision"}  # settings that a result states
 _RESOLUTION = ("constant", "not_resolved", "resolved", "below_numerical_error")  # from -1
 
 
@@ -40,7 +42,7 @@ class Method:
 
     # (points, output, components, settings) -> answers, each of shape (factor, component) unless `dims` says else. The
     # answer named ``size`` is the change of the output that a factor makes, in the output's unit.
-    estimate: Callable[[Sample, OutputTable, IntArray, SensitivitySettings], Answers]
+    estimate: Callable[[Sample, OutputTable, IntArray, Any], Answers]
     designs: tuple[str, ...]  # kinds of designs that it can read
     ranked: str  # the answer by which factors are ranked
     meanings: Mapping[str, str]  # what each answer is, in words
@@ -56,7 +58,7 @@ class Method:
     fewest: int = 2  # blocks that it needs
 
 
-def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr.Dataset:
+def apply(method: Method, cube: xr.Dataset, settings: PointSettings) -> xr.Dataset:
     """Analyse all chosen outputs of a cube by one method.
 
     Returns:
@@ -82,24 +84,24 @@ def apply(method: Method, cube: xr.Dataset, settings: SensitivitySettings) -> xr
 
 
 def analysis_of(
-    method: Method, kind: str, meaning: str, settings: type[SensitivitySettings] = SensitivitySettings
+    method: Method, kind: str, meaning: str, settings: type[PointSettings] = SensitivitySettings
 ) -> Callable[..., xr.Dataset]:
     """The analysis of a kind: ``(cube, settings) -> result`` by `apply`; `meaning` is its docstring."""
 
     @makes_kind(kind)
-    def analysis(cube: xr.Dataset, given: SensitivitySettings | None = None) -> xr.Dataset:
+    def analysis(cube: xr.Dataset, given: PointSettings | None = None) -> xr.Dataset:
         return apply(method, cube, given or settings())
 
     analysis.__doc__ = meaning
     return analysis
 
 
-def _analyse(method: Method, sample: Sample, cube: xr.Dataset, name: str, settings: SensitivitySettings) -> xr.Dataset:
+def _analyse(method: Method, sample: Sample, cube: xr.Dataset, name: str, settings: PointSettings) -> xr.Dataset:
     """One output, read as far as it fits into memory."""
     return answered_in_parts(cube, name, sample.rows, lambda table: _of_table(method, sample, table, settings))
 
 
-def _of_table(method: Method, sample: Sample, table: OutputTable, settings: SensitivitySettings) -> xr.Dataset:
+def _of_table(method: Method, sample: Sample, table: OutputTable, settings: Any) -> xr.Dataset:
     """One output, or a part of it: answers for each of its components, their judgement, and their convergence."""
     answers = _estimate(method, sample, table, settings)
     size = answers.pop("size", None)
@@ -124,7 +126,7 @@ def _of_table(method: Method, sample: Sample, table: OutputTable, settings: Sens
     return result.assign_coords(samples=np.array(counts, np.int32))
 
 
-def _estimate(method: Method, sample: Sample, table: OutputTable, settings: SensitivitySettings) -> Answers:
+def _estimate(method: Method, sample: Sample, table: OutputTable, settings: PointSettings) -> Answers:
     """All components of an output, part by part; NaN for those that do not vary."""
     answers: Answers = {}
     for components in table.chunks():
@@ -202,7 +204,7 @@ def _labelled(method: Method, table: OutputTable, answers: Answers) -> xr.Datase
 
 
 def _described(
-    result: xr.Dataset, method: Method, sample: Sample, outputs: dict[str, str], settings: SensitivitySettings
+    result: xr.Dataset, method: Method, sample: Sample, outputs: dict[str, str], settings: PointSettings
 ) -> xr.Dataset:
     """Labels, meanings, flags, and what was used."""
     labels = {"factor": sample.factors} | ({"factor_2": sample.factors} if "factor_2" in result.dims else {})
@@ -219,8 +221,7 @@ def _described(
         groups_used=sample.blocks,
         groups_dropped=math.ceil(sample.dropped / sample.block),
         block_size=sample.block,
-        confidence_level=settings.confidence,
-        precision=settings.precision,
+        **{name: getattr(settings, key) for name, key in _NOTED.items() if hasattr(settings, key)},
         **sample.attributes,
     )
 

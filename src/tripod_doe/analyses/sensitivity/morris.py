@@ -8,22 +8,26 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
+from pydantic import Field
 
 from tripod_doe.analyses.bootstrap import bootstrap_weights, studentised_half_width
 from tripod_doe.analyses.kinds import makes_kind
 from tripod_doe.analyses.output_table import OutputTable
 from tripod_doe.analyses.sensitivity.method import Answers, Method, apply
-from tripod_doe.analyses.settings import Precision, SensitivitySettings
+from tripod_doe.analyses.settings import MOST_RESAMPLES, Precision, SensitivitySettings
 from tripod_doe.analyses.usable_points import Sample
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.study.designs import factor_groups
 
-_RESAMPLES = 1000  # least, for quantiles of them
+_RESAMPLES = 1000  # fewest, for quantiles of them
 
 
 class MorrisSettings(SensitivitySettings):
     """[analysis.NAME] of kind morris."""
 
+    resamples: int = Field(
+        _RESAMPLES, ge=_RESAMPLES, le=MOST_RESAMPLES, description="resamples of the confidence intervals"
+    )
     precision: Precision = 0.1
 
 
@@ -52,7 +56,7 @@ def _morris(sample: Sample, table: OutputTable, components: IntArray, settings: 
     steps = table.changes(np.diff(values_in_blocks(sample, table, components), axis=1))
     every, names = np.arange(sample.blocks), list(sample.tables)
     moves = np.diff(sample.unit.reshape(sample.blocks, sample.block, -1), axis=1)
-    weights = bootstrap_weights(sample.blocks, max(settings.resamples, _RESAMPLES), settings.seed)
+    weights = bootstrap_weights(sample.blocks, settings.resamples, settings.seed)
     answers: dict[str, list[FloatArray]] = {key: [] for key in ("mu", "mu_star", "sigma", "mu_star_conf")}
     for members in factor_groups(sample.tables).values():
         at = np.abs(moves[:, :, names.index(members[0])]).argmax(axis=1)  # the step of the trajectory of this group

@@ -16,18 +16,25 @@ from pydantic import Field
 from tripod_doe.analyses.encoding import as_numbers
 from tripod_doe.analyses.output_table import OutputTable
 from tripod_doe.analyses.sensitivity.method import Answers, Method, analysis_of
-from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.settings import IntervalSettings
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample
 from tripod_doe.array_types import FloatArray, IntArray
 
 
-class PawnSettings(SensitivitySettings):
+class ChanceSettings(IntervalSettings):
+    """Settings of an analysis that compares its indices with factors that are pure chance."""
+
+    confidence: float = Field(0.95, gt=0, lt=1, description="chance that a factor without effect is not resolved")
+    seed: int = Field(0, ge=0, description="seed of the factors that are pure chance")
+
+
+class PawnSettings(ChanceSettings):
     """[analysis.NAME] of kind pawn."""
 
     slices: int = Field(10, ge=2, le=1000, description="slices of a factor's range, of equally many points")
 
 
-def with_chance(sample: Sample, settings: SensitivitySettings) -> tuple[FloatArray, int]:
+def with_chance(sample: Sample, settings: ChanceSettings) -> tuple[FloatArray, int]:
     """Values of the factors and of more that are pure chance, shape (point, column), and the number of factors.
 
     The largest index of n columns without effect exceeds one more in n / (n + 1) of all cases, the confidence.
@@ -66,10 +73,9 @@ def _indices(values: FloatArray, factors: FloatArray, count: int) -> FloatArray:
     return indices
 
 
-def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings: SensitivitySettings) -> Answers:
-    count = settings.slices if isinstance(settings, PawnSettings) else PawnSettings().slices
+def _estimate(sample: Sample, table: OutputTable, components: IntArray, settings: PawnSettings) -> Answers:
     factors, own = with_chance(sample, settings)
-    indices = _indices(table.values[:, components], factors, count)
+    indices = _indices(table.values[:, components], factors, settings.slices)
     statistics = dict(zip(("median", "mean", "maximum", "minimum"), indices[:, :own], strict=True))
     return {**statistics, "chance": indices[0, own:].max(axis=0)}
 

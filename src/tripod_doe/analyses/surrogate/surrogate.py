@@ -17,7 +17,7 @@ from tripod_doe.analyses.output_table import (
     stacked,
     usual_outputs,
 )
-from tripod_doe.analyses.settings import SensitivitySettings
+from tripod_doe.analyses.settings import PointSettings
 from tripod_doe.analyses.surrogate.gaussian_process import KINDS, learn
 from tripod_doe.analyses.surrogate.what_if import what_if
 from tripod_doe.analyses.surrogate.zeros_and_symmetries import Foreknown, foreknown
@@ -31,11 +31,12 @@ SURROGATE_DESIGNS = (*SAMPLED_DESIGNS, "grid", "full-factorial", "central-compos
 _FEWEST = 10  # points that a cross-validation needs
 
 
-class SurrogateSettings(SensitivitySettings):
+class SurrogateSettings(PointSettings):
     """[analysis.NAME] of kind surrogate."""
 
     outputs: list[str] = Field(["thrust_amplitude"], description="outputs to learn")
     folds: int = Field(5, ge=2, le=100, description="parts of the points, each predicted by a surrogate of the others")
+    seed: int = Field(0, ge=0, description="seed of these parts")
 
 
 def _of_output(known: Foreknown, sample: Sample, table: OutputTable, settings: SurrogateSettings) -> xr.Dataset:
