@@ -1,4 +1,4 @@
-"""Arguments of the public functions, held against their annotations: a wrong type ends as a sentence, not in our code.
+"""Arguments of the public functions, checked against their annotations: a wrong type is refused with a sentence.
 
 Only calls from outside are checked, where a name is taken from the package; what calls within is checked by mypy.
 Annotations are read as texts, so the modules of these functions import `annotations` from `__future__`.

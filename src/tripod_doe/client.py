@@ -217,7 +217,7 @@ class Service:
 
 @dataclass
 class ServiceRun:
-    """A run of a service; its attributes are as of the latest answer about it."""
+    """A run of a service; its attributes are from the latest answer about it."""
 
     service: Service
     record: dict[str, Any]  # as the service describes it
@@ -242,7 +242,7 @@ class ServiceRun:
 
     @property
     def points(self) -> dict[str, int]:
-        """Points by what became of them: total, finished, failed, missing."""
+        """Points by their state: total, finished, failed, missing."""
         return self.record["points"]
 
     def refresh(self) -> ServiceRun:

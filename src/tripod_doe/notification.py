@@ -1,4 +1,4 @@
-"""Word that a run has ended: a command that is started, or a webhook that is called.
+"""Notification that a run has ended: a command that is started, or a webhook that is called.
 
 What is passed on is a few facts about the run: no token, no address of a page, no result. Names of runs come from
 others, so they never become words of a command or a part of an address: they are in JSON on its standard input, or in

@@ -74,7 +74,7 @@ def level(value: float) -> str:
 
 
 def level_or_word(value: object) -> str:
-    """A value of a parameter as text: a level, or the word that it is."""
+    """A value of a parameter as text: a level, or a word."""
     return level(float(value)) if isinstance(value, int | float) else str(value)
 
 

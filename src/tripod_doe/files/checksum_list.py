@@ -240,7 +240,7 @@ def _upcoming(folder: Path) -> tuple[Results, dict[str, str]]:
     sums, late = ({} if _named_in(folder, name).differs(here) else _sums(folder / name) for name in (LIST, _NEXT))
     for name, digest in late.items():
         path = folder / name
-        with suppress(OSError, CubeError):  # none is there, or none of ours
+        with suppress(OSError, CubeError):  # none is there, or not of this program
             if digest != sums.get(name) and _digest(path, links=False) == digest:
                 sums[name] = digest
     return here, sums

@@ -201,7 +201,9 @@ _OUTPUTS = [
         optional=True,
         convention=_SKEW,
     ),
-    Output("largest_penetration_um", "um", "delta", "largest penetration of any contact, without the swing-in"),
+    Output(
+        "largest_penetration_um", "um", "delta", "largest penetration of any contact, without the initial transient"
+    ),
     Output(
         "energy_residual",
         "1",

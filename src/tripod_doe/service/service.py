@@ -162,7 +162,7 @@ class Service:
             return self.runs.submit(upload, plan, key, digest)
 
     def resume(self, run_id: str) -> Run:
-        """Queue a run at rest again: for its missing points, or where it is finished for damaged or lost files."""
+        """Queue an inactive run again: for its missing points, or where it is finished for damaged or lost files."""
         finished, directory = self.runs.find(run_id).state is State.FINISHED, self.runs.directory(run_id)
         damaged = finished and (not has_report(directory) or self.ask(f"{_QUESTIONS}:is_damaged", path=str(directory)))
         return self.runs.resume(run_id, damaged=damaged)
@@ -327,7 +327,7 @@ class Service:
         """Queue a run with a larger study: its results stay, and only new points run.
 
         Raises:
-            RefusedError: 409 if the run is not at rest, or runs a workflow.
+            RefusedError: 409 if the run is active, or runs a workflow.
         """
         return self._extend("extend", run_id, body)
 

@@ -177,7 +177,7 @@ class _Run:
             print(f"optimise: {text}, {self.points.count:,} points", file=sys.stderr)
 
     def search(self) -> float:
-        """Try candidates until none is left or new; return the step at which the best one is at rest, or NaN."""
+        """Try candidates until none is left or new; return the step at which the best one stays the best, or NaN."""
         self._stages.begin("search")
         share = last_share(self.problem.variables, len(self.problem.signs), self.problem.is_corrected)
         is_polished = len(self.problem.signs) == 1 and not self.problem.is_corrected

@@ -101,5 +101,5 @@ def front_lines(front: xr.Dataset) -> list[str]:
 
 
 def _value_text(value: float | str) -> str:
-    """A value of a variable in a few digits, or the word that it is."""
+    """A value of a variable in a few digits, or a word."""
     return value if isinstance(value, str) else number(float(value), 5)

@@ -20,7 +20,7 @@ from tripod_doe.analyses.output_table import (
 from tripod_doe.analyses.settings import PointSettings
 from tripod_doe.analyses.surrogate.gaussian_process import KINDS, learn
 from tripod_doe.analyses.surrogate.what_if import what_if
-from tripod_doe.analyses.surrogate.zeros_and_symmetries import Foreknown, foreknown
+from tripod_doe.analyses.surrogate.zeros_and_symmetries import KnownStructure, known_structure
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample, analysed_points, read_sample
 from tripod_doe.errors import InputError
 from tripod_doe.model_interface import MIRRORED_BY, ZERO_AT
@@ -39,7 +39,7 @@ class SurrogateSettings(PointSettings):
     seed: int = Field(0, ge=0, description="seed of these parts")
 
 
-def _of_output(known: Foreknown, sample: Sample, table: OutputTable, settings: SurrogateSettings) -> xr.Dataset:
+def _of_output(known: KnownStructure, sample: Sample, table: OutputTable, settings: SurrogateSettings) -> xr.Dataset:
     """Errors of the surrogate of each component; NaN for those that do not vary."""
     answers = {key: np.full(table.values.shape[1], np.nan) for key in _MEANINGS}
     chosen, at = np.full(table.values.shape[1], -1.0), np.flatnonzero(table.varies)
@@ -87,7 +87,7 @@ def surrogate(cube: xr.Dataset, settings: SurrogateSettings | None = None) -> xr
         raise InputError(f"a surrogate needs at least {_FEWEST} different points, {different} finished")
     names = [name for name in names if not is_course(cube, name)]
     tables = list(read_outputs(cube, names, sample.rows))
-    known = foreknown(sample.columns, cube)
+    known = known_structure(sample.columns, cube)
     parts = [_of_output(known, sample, table, settings) for table in tables]
     result = stacked(dict(zip(names, parts, strict=True)), names)
     if any(table.varies.any() for table in tables):

@@ -17,7 +17,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 from tripod_doe.analyses.encoding import Input, encoded, is_numeric
 from tripod_doe.analyses.output_table import OutputTable
 from tripod_doe.analyses.surrogate.gaussian_process import LEAST_SCALE, Surrogates, between_levels, learn, refuse_unlike
-from tripod_doe.analyses.surrogate.zeros_and_symmetries import foreknown, grown
+from tripod_doe.analyses.surrogate.zeros_and_symmetries import grown, known_structure
 from tripod_doe.analyses.usable_points import SAMPLED_DESIGNS, Sample
 from tripod_doe.array_types import FloatArray, IntArray
 from tripod_doe.errors import CubeError
@@ -205,7 +205,7 @@ def what_if(sample: Sample, tables: list[OutputTable], cube: xr.Dataset, seed: i
     """
     components, values = _components(tables, cube, sample.rows)
     marks = [each.vanishes for each in components], [each.parity for each in components]
-    known = foreknown(sample.columns, cube).fitted(sample.columns, values, marks, seed)
+    known = known_structure(sample.columns, cube).fitted(sample.columns, values, marks, seed)
     inputs, places = known.inputs, known.places(sample.columns)
     learned = learn(places, values, seed, known=known.of(sample.columns, *marks))
     shown = np.arange(min(_SHOWN_POINTS, len(places)))

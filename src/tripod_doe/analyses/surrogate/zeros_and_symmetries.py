@@ -22,7 +22,7 @@ Marks = tuple[list[bool], list[int]]
 
 
 @dataclass(frozen=True)
-class Foreknown:
+class KnownStructure:
     """Zeros and symmetries that matter within the range of the points."""
 
     # factors that reach zero, where outputs vanish, each with its largest size and the part of that above which an
@@ -49,7 +49,7 @@ class Foreknown:
         known = [each and bool(self.zeros) for each in vanishes]
         return Known(envelope, np.array(known), np.array(self.flips, np.int64), np.array(kept, np.int64))
 
-    def fitted(self, columns: Mapping[str, Column], values: FloatArray, marks: Marks, seed: int) -> Foreknown:
+    def fitted(self, columns: Mapping[str, Column], values: FloatArray, marks: Marks, seed: int) -> KnownStructure:
         """The same with the growth of the envelope over each factor by which polynomials predict unseen points best.
 
         The mirror is left out where they predict better without it.
@@ -77,7 +77,7 @@ def grown(part: FloatArray, soft: float) -> FloatArray:
     return part * (1 + soft) / (part + soft)
 
 
-def foreknown(columns: Mapping[str, Column], cube: xr.Dataset) -> Foreknown:
+def known_structure(columns: Mapping[str, Column], cube: xr.Dataset) -> KnownStructure:
     """Zeros and symmetries of the outputs of a cube over these factors.
 
     Args:
@@ -103,7 +103,7 @@ def foreknown(columns: Mapping[str, Column], cube: xr.Dataset) -> Foreknown:
         inputs.append(Input(each.factor, -size, size) if each.factor in varied else each)
         if each.factor in zeros and each.low < 0 < each.high:
             inputs.append(Input(each.factor, sign=True))
-    return Foreknown(zeros, varied, inputs)
+    return KnownStructure(zeros, varied, inputs)
 
 
 def _comes_near_zero(numbers: FloatArray) -> bool:

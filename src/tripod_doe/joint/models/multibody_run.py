@@ -299,7 +299,7 @@ def _read(assembly: Assembly, motion: Motion, values: JointValues[float], wanted
         motion.error,
         skew,
         summary,
-        deepest_penetration(assembly, *states),  # not of the swing-in, whose steps may be coarse
+        deepest_penetration(assembly, *states),  # not of the initial transient, whose steps may be coarse
         result.energy_residual,
         contacts=contact_readings(assembly, *states, values, wanted.contacts),
     )

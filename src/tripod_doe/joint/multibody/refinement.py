@@ -67,7 +67,7 @@ _MOST_LONGER = 4
 
 _ALIKE, _LEFT_OF_SWING, _LONGEST = 0.05, 0.5, 128
 """Difference of two revolutions, and what is left of a swing that falls, over the allowed error up to which a motion
-counts as swung in; and revolutions in which it is waited for."""
+counts as settled; and revolutions in which it is waited for."""
 
 _MOST_EXPENSIVE = 256
 """Force evaluations of a further pass over those of the first one above which it is not begun."""
@@ -227,7 +227,7 @@ def _repeats(joint: FollowedJoint, one: Pass, accuracy: OrderAccuracy) -> bool:
 def _once_swung_in(joint: FollowedJoint, first: Pass, accuracy: OrderAccuracy) -> tuple[Pass, str]:
     """Continue the first pass until its transient has ended; with a reason if it has not.
 
-    Some joints swing in slowly, those of small angles at high speed for a hundred revolutions: coarse steps are cheap
+    Some joints settle slowly, those of small angles at high speed for a hundred revolutions: coarse steps are cheap
     for that. The rest of a swing is extrapolated from how its changes from one revolution to the next decrease. Needles
     are left out: their skew changes in all revolutions.
     """
@@ -241,7 +241,7 @@ def _once_swung_in(joint: FollowedJoint, first: Pass, accuracy: OrderAccuracy) -
         ):
             break
         if count >= _LONGEST:
-            return joint.last(first, 2), f"after {count} revolutions the joint still swings in; raise cycles"
+            return joint.last(first, 2), f"after {count} revolutions the joint has not settled; raise cycles"
         first = joint.longer(first, 2 * count)
     return first if len(first.orders) == 2 else joint.last(first, 2), ""
 

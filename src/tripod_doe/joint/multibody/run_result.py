@@ -55,7 +55,7 @@ class Readings:
     # and largest value in every revolution, shape (trunnion, cycle, 3); rad, None without needles
     skew: FloatArray | None
     skew_summary: FloatArray | None
-    penetration: float  # the largest of any contact, without the swing-in
+    penetration: float  # the largest of any contact, without the initial transient
     # energy that the balance misses over what friction dissipates, or over a thousandth of the transmitted energy
     energy_residual: float
     rates: Rates | None = None  # what limits the step in the last third of a revolution; None unless requested

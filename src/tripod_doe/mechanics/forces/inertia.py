@@ -40,7 +40,7 @@ def _inertia_force(body, frame, position, velocity):
 
 @inlined_kernel
 def velocity_at_rest(frame, position, velocity):
-    """Velocity and angular velocity of a body in axes at rest."""
+    """Velocity and angular velocity of a body in inertial axes."""
     carried = cross(frame, load_vector(position, 0))
     return add(load_vector(velocity, 0), carried), add(load_vector(velocity, 3), frame)
 
@@ -82,7 +82,7 @@ def add_inertia_matrices(tables, positions, velocities, by_velocity, matrix):
 
 @kernel
 def add_momenta(tables, positions, velocities, factor, turn, out):
-    """Add `factor` times the momenta that bodies have in axes at rest, as seen from axes turned by `turn` since.
+    """Add `factor` times the momenta that bodies have in inertial axes, as seen from axes turned by `turn` since.
 
     A free body keeps them: methods that follow momenta need no gyroscopic, Coriolis or centrifugal forces, and do not
     damp a body that stands still while the frame turns.
@@ -153,7 +153,7 @@ def add_mass_blocks(tables, positions, matrix):
 
 @kernel
 def kinetic_energies(tables, positions, velocities, energies):
-    """Add to energies, shape (state,), the kinetic energy, in axes at rest, of all bodies that can move freely."""
+    """Add to energies, shape (state,), the kinetic energy, in inertial axes, of all bodies that can move freely."""
     frame = load_vector(tables.frame, 0)
     for n in range(energies.size):
         for i in range(tables.bodies.size):

@@ -41,7 +41,7 @@ def larger(worst, size):
 
 @inlined_kernel
 def _power(frame, position, velocity, force, free, kind):
-    """Power, in axes at rest, of the components of force and moment whose velocities are free (1) or locked (0)."""
+    """Power, in inertial axes, of the components of force and moment whose velocities are free (1) or locked (0)."""
     linear, angular = velocity_at_rest(frame, position, velocity)
     power = 0.0
     for d in range(3):
@@ -54,7 +54,7 @@ def _power(frame, position, velocity, force, free, kind):
 def generalized_forces(tables, work, positions, velocities):
     """Evaluate Q of Eq. 1: loads, gravity, elements and inertia forces, and the energy ledger.
 
-    Energies are those in axes at rest. The power of locked velocities is the power of the reaction -Q that keeps them
+    Energies are those in inertial axes. The power of locked velocities is the power of the reaction -Q that keeps them
     constant.
     """
     work.counters[EVALUATIONS] += 1

@@ -182,7 +182,7 @@ def solve_system(tables, work, wanted, out):
 class Stage(NamedTuple):
     """Data of a stage of an implicit method: p(q, u) = p_0 + factor Q(q, u) with q at base + reach u from `start`.
 
-    p are the momenta in axes at rest (`inertia.add_momenta`), p_0 those in `Work.momenta`; or, for methods that know
+    p are the momenta in inertial axes (`inertia.add_momenta`), p_0 those in `Work.momenta`; or, for methods that know
     velocities `before` instead, p - p_0 = M (u - before) and Q holds the inertia forces too.
     """
 

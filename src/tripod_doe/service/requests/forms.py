@@ -156,14 +156,14 @@ class PointRequest(_Form):
 
 
 class Health(BaseModel):
-    """Sign of life."""
+    """Health check."""
 
     status: Literal["ok"]
     version: str
 
 
 class Points(BaseModel):
-    """Points of a run by what became of them."""
+    """Points of a run by their state."""
 
     total: int
     finished: int

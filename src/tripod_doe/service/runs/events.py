@@ -92,7 +92,7 @@ class Events:
         Args:
             run_id: The run; None for all.
             last_id: The id of the last event that the client has seen, None for a new one.
-            pause: Seconds of silence after which None is given, so that the client and proxies see a sign of life.
+            pause: Seconds of silence after which None is given, so that the client and proxies see a heartbeat.
         """
         woken = asyncio.Event()
         self._waiting.add(woken)

@@ -115,12 +115,12 @@ class FoundDirectories:
 
 
 def _may_be_another(run: Run, path: Path) -> bool:
-    """Whether the directory of a run must be looked at: the run is at rest, or its results were exchanged."""
+    """Whether the directory of a run must be looked at: the run is not active, or its results were exchanged."""
     return run.state.at_rest or (run.is_left_alone and is_exchanged(run, path))
 
 
 def _is_continued(path: Path, run: Run, signature: Signature) -> bool:
-    """Whether the command line has continued in the directory of a run at rest.
+    """Whether the command line has continued in the directory of a run that is not active.
 
     In a run that the service made, by another study or table than was submitted: times alone change in a copy.
     """

@@ -114,7 +114,7 @@ def replace_upload(directory: Path, upload: Path) -> None:
     """Move an upload into a directory, in place of an earlier one."""
     restore_upload(directory)
     own, before = directory / UPLOAD, directory / _OLD_UPLOAD
-    remove_tree(before)  # left over from a kill
+    remove_tree(before)  # of a run that was killed
     if own.exists():
         own.rename(before)
     upload.rename(own)

@@ -202,7 +202,7 @@ class Supervisor:
             return run
 
     def resume(self, run_id: str, retry_failed: bool = False, damaged: bool = False) -> Run:
-        """Queue a run at rest again: for its missing points, with `retry_failed` its failed ones, or `damaged` files.
+        """Queue an inactive run again: for its missing points, with `retry_failed` its failed ones, or `damaged` files.
 
         Raises:
             RefusedError: 409 if it waits or runs, or there is nothing to run; 413 if the queue is full.
@@ -225,7 +225,7 @@ class Supervisor:
             return self._store(run.changed(state=State.QUEUED, message="", retry_failed=retry_failed))
 
     def extend(self, run_id: str, upload: Path, plan: Mapping[str, Any], note: Callable[[], None]) -> Run:
-        """Queue a run at rest with a checked upload that replaces its own.
+        """Queue an inactive run with a checked upload that replaces its own.
 
         Args:
             run_id: Its id.
@@ -255,7 +255,7 @@ class Supervisor:
         return self._store(run.changed(state=State.QUEUED, message="", plan=plan, taken=bool(run.place), **new))
 
     def refuse_extension(self, run_id: str) -> Run:
-        """The run; RefusedError 409 if it takes nothing further: it is no study, is not at rest, or has a function."""
+        """The run; RefusedError 409 if it takes nothing further: it is no study, is active, or has a function."""
         with self._lock:
             run = self._run_at_hand(run_id)
             if run.kind != "study":

@@ -134,7 +134,7 @@ class Shares:
 
 
 def _share(row: dict[str, Any]) -> Share:
-    """A row of the file; TypeError or ValueError where it is none of ours."""
+    """A row of the file; TypeError or ValueError where this program did not write it."""
     share = Share(**row)
     if not all(_HEX[n].fullmatch(text) for n, text in ((16, share.id), (16, share.run_id), (64, share.digest))):
         raise ValueError("a name or a hash is none")

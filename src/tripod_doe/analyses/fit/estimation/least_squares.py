@@ -39,7 +39,7 @@ class Descent:
 
 
 class Problem:
-    """Predictions of a model held against measured orders.
+    """Predictions of a model compared with measured orders.
 
     Args:
         loss: Largest chi squared of a record that counts in full; the loss of a larger one grows with its root (Huber),

@@ -38,7 +38,7 @@ async function check() {
   }
 }
 
-async function ended() {  // the run, as soon as it is at rest again
+async function ended() {  // the run, as soon as it has ended
   for (;;) {
     const run = await askJson(`${root}/api/v1/runs/${form.dataset.run}`);
     if (["finished", "failed", "stopped"].includes(run.state)) return run;
