@@ -16,6 +16,7 @@ from tripod_doe.analyses.contribution.contribution import PAPER_SHARES
 from tripod_doe.errors import InputError
 from tripod_doe.joint.orders import ORDERS
 from tripod_doe.model_interface import Outcome
+from tripod_doe.study.cube.dataset import SWITCH_ROLE
 
 SKEWS = {1: (0.2, -0.2, 0.2), 2: (0.4, -0.4, 0.4), 3: (0.4, 0.4, 0.4), 4: (-0.4, 0.4, -0.4)}
 SETTINGS = ClaimsSettings()
@@ -201,6 +202,31 @@ def test_points_of_different_joints_decide_nothing():
     two = {f"at {radius}": cases([0.1, 0.2, 0.004, 0.2], 0) for radius in (21, 30)}
     two["at 30"].attrs["fixed_parameters"] = json.dumps({"model": "needles", "pitch_radius_mm": 30})
     assert verdict(check_claims(two, SETTINGS), "second_vanishes_equal_skews") is Verdict.NOT_DECIDED
+
+
+def test_a_friction_that_follows_another_one_makes_no_other_joint():
+    """Regression: after a study over the groove's friction no claim was decided, as it fixes no spin friction."""
+    spin = cases([0.1, 0.2, 0.004, 0.2], 0)
+    spin.attrs["fixed_parameters"] = json.dumps({"model": "needles", "groove_spin_friction": 0.05})
+    friction = points([skewed(2, groove_sliding_friction=each) for each in (0.025, 0.05, 0.1)], [7.0, 14.0, 28.0], 0.2)
+    claims = check_claims({"cases": spin, "friction": friction}, SETTINGS)
+    assert verdict(claims, "second_vanishes_equal_skews") is Verdict.HOLDS
+    assert verdict(claims, "third_follows_groove_friction") is Verdict.HOLDS
+    friction.attrs["fixed_parameters"] = json.dumps({"model": "needles", "groove_spin_friction": 0.04})
+    claims = check_claims({"cases": spin, "friction": friction}, SETTINGS)
+    assert verdict(claims, "second_vanishes_equal_skews") is Verdict.NOT_DECIDED
+
+
+def test_shares_are_of_the_papers_point_of_an_ablation_at_several():
+    """Regression: TypeError, as a share over joint angles is no number."""
+    switches = ["groove_sliding", "needle_sliding"]
+    rows = [skewed(2, joint_angle_deg=angle, **dict.fromkeys(switches, 1)) for angle in (7.0, 10.0)]
+    rows += [row | {name: 0} for row in rows for name in switches]
+    cube = points(rows, [7.0, 10.0, 1.0, 3.5, 2.0, 9.0], 0.2).assign_attrs(study='[study]\nname = "map"\n')
+    for name in switches:
+        cube[name].attrs["role"] = SWITCH_ROLE
+    claims = check_claims({"map": cube}, SETTINGS)
+    assert float(claims["value"].sel(claim="share_needle_sliding")) == pytest.approx(10.0)
 
 
 def test_the_sign_of_a_torque_does_not_count():

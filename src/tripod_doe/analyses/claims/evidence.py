@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,7 +65,8 @@ class Point:
     def value(self, name: str) -> Any:
         """The value of a parameter, or its default if the study does not set it."""
         known = JOINT_PARAMETERS.get(name)
-        return self.parameters.get(name, known.default if known else None)
+        own = self.parameters.get(name, known.default if known else None)
+        return self.value(known.follows) if own is None and known and known.follows else own
 
     def output(self, name: str) -> xr.DataArray:
         """An output of it; MissingPointError if the cube does not keep it."""
@@ -92,6 +93,13 @@ class Point:
         size = self.output("groove_thrust_amplitude").sel(order=order).values
         turn = np.exp(1j * np.radians(self.output("groove_thrust_phase_deg").sel(order=order).values))
         return np.asarray(size * turn, np.complex128)
+
+
+def _differ(points: Collection[Point], name: str) -> bool:
+    """Whether points differ in a parameter, other than as each follows what it has of another one."""
+    follows = JOINT_PARAMETERS[name].follows
+    alike = bool(follows) and all(point.value(name) == point.value(follows) for point in points)
+    return not alike and len({point.value(name) for point in points}) > 1
 
 
 def _matches(point: Point, wanted: Mapping[str, Any]) -> bool:
@@ -121,12 +129,12 @@ class Evidence:
         self.cubes = {name: cube for name, cube in cubes.items() if is_study(cube)}
         self.used: dict[str, set[int]] = {}
         self._points = [point for name, cube in self.cubes.items() for point in _points_of(name, cube)]
-        self._first: Point | None = None  # of the joint, since the last `begin`
+        self._joint: list[Point] = []  # finished points of the joint since the last `begin`
 
     def begin(self) -> None:
         """Begin with another claim: its points may be of another joint."""
         self.used.clear()
-        self._first = None
+        self._joint.clear()
 
     def joint(self, **wanted: Any) -> list[Point]:
         """Points of the joint at the reference point, except for the parameters in `wanted`; `ANY` matches any value.
@@ -137,15 +145,19 @@ class Evidence:
             MissingPointError: If there is none, or one did not finish: finished points alone do not decide a claim; or
                 if finished points since the last `begin` are of different joints.
         """
-        identity = {name: JOINT_PARAMETERS[name].default for name in _IDENTITY} | wanted
-        among = [point for point in self._points if "model" in point.parameters and _matches(point, identity)]
-        for point in among:
-            if point.outcome is not Outcome.FINISHED:  # gives no number, and decides nothing
-                continue
-            self._first = self._first or point
-            if apart := [name for name in _OTHERS if point.value(name) != self._first.value(name)]:
-                raise MissingPointError(f"points of different joints were run, which differ in {', '.join(apart)}")
+        identity, among = self._of_joint(wanted)
+        self._joint += [point for point in among if point.outcome is Outcome.FINISHED]  # others decide nothing
+        if apart := [name for name in _OTHERS if _differ(self._joint, name)]:
+            raise MissingPointError(f"points of different joints were run, which differ in {', '.join(apart)}")
         return self._finished(identity, among, wanted)
+
+    def numbers(self, cube: str, **wanted: Any) -> list[int]:
+        """Numbers of the points of a cube that `joint` looks at, finished or not."""
+        return [point.number for point in self._of_joint(wanted)[1] if point.cube == cube]
+
+    def _of_joint(self, wanted: Mapping[str, Any]) -> tuple[dict[str, Any], list[Point]]:
+        identity = {name: JOINT_PARAMETERS[name].default for name in _IDENTITY} | wanted
+        return identity, [point for point in self._points if "model" in point.parameters and _matches(point, identity)]
 
     def scene(self, **wanted: Any) -> list[Point]:
         """Points of another scene, identified by its own parameters; raises as `joint` does."""

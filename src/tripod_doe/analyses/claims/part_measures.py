@@ -3,14 +3,14 @@
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
 from tripod_doe.analyses.claims.amplitudes import point_of
 from tripod_doe.analyses.claims.cases import Cases
-from tripod_doe.analyses.claims.evidence import ANY, Evidence, Measured, MissingPointError, Point
+from tripod_doe.analyses.claims.evidence import ANY, Evidence, Measured, MissingPointError
 from tripod_doe.analyses.contribution.contribution import PAPER_SHARES, contribution_shares
+from tripod_doe.joint.parameters import MECHANISMS
 from tripod_doe.joint.unit_conversion import point_values
 from tripod_doe.number_text import level, number
 from tripod_doe.study.cube.dataset import SWITCH_ROLE
@@ -24,13 +24,20 @@ def share_of(mechanism: str) -> Callable[[Evidence, Cases], Measured]:
 
     def measure(evidence: Evidence, cases: Cases) -> Measured:
         point = point_of(evidence, cases, 2)
-        name = next((name for name, cube in evidence.cubes.items() if _ablates(cube, point, cases)), None)
-        if name is None:
-            raise MissingPointError(f"no ablation of the mechanisms with model {cases.model} in case 2 was run")
-        cube, evidence.used[name] = evidence.cubes[name], set()  # all of its points
-        result = contribution_shares(cube)
+        switched = cases.wanted(2) | dict.fromkeys(MECHANISMS, ANY)
+        ablations = {
+            name: numbers
+            for name, cube in evidence.cubes.items()
+            if mechanism in cube.coords and cube[mechanism].attrs.get("role") == SWITCH_ROLE
+            if (numbers := evidence.numbers(name, **switched))
+        }
+        if not ablations:
+            raise MissingPointError(f"no ablation of {mechanism} with model {cases.model} in case 2 was run")
+        name, numbers = next(iter(ablations.items()))
+        evidence.used[name] = set(numbers)
+        result = contribution_shares(evidence.cubes[name].isel(point=numbers))
         shares = {
-            name: float(result[name].sel(mechanism=mechanism, order=3)) for name in _DEFINITIONS if name in result
+            name: result[name].sel(mechanism=mechanism, order=3).item() for name in _DEFINITIONS if name in result
         }
         known = {name: share for name, share in shares.items() if math.isfinite(share)}
         if not known:
@@ -41,18 +48,6 @@ def share_of(mechanism: str) -> Callable[[Evidence, Cases], Measured]:
         return Measured(known[nearest], error, f"Definition closest to the paper: {_DEFINITIONS[nearest]}; {text}.")
 
     return measure
-
-
-def _ablates(cube: Any, point: Point, cases: Cases) -> bool:
-    """Whether a cube holds an ablation of this model in case 2, at the reference point."""
-    if not any(cube[name].attrs.get("role") == SWITCH_ROLE for name in cube.coords):
-        return False
-    there = Evidence({"ablation": cube})
-    try:
-        there.joint(**cases.wanted(2))
-    except MissingPointError:
-        return False
-    return True
 
 
 def skew_stays(evidence: Evidence, cases: Cases) -> Measured:
