@@ -130,8 +130,7 @@ def _choices(runs: xr.Dataset) -> list[list[str]]:
     rows = []
     for quantity in runs["quantity"].values:
         part = runs.sel(quantity=quantity)
-        # an error of the method that cancels one of the model is no merit
-        error = np.fmax(part["model_error"].values, part["numerical_error"].values)
+        error = part["total_error"].values
         good = (part["outcome"].values == Outcome.FINISHED) & np.isfinite(error)
         known_to = float(error[good].min()) if good.any() else np.nan
         for allowed in _ALLOWED if good.any() else ():

@@ -98,7 +98,7 @@ class Point:
 def _differ(points: Collection[Point], name: str) -> bool:
     """Whether points differ in a parameter, other than as each follows what it has of another one."""
     follows = JOINT_PARAMETERS[name].follows
-    alike = bool(follows) and all(point.value(name) == point.value(follows) for point in points)
+    alike = follows is not None and all(point.value(name) == point.value(follows) for point in points)
     return not alike and len({point.value(name) for point in points}) > 1
 
 
@@ -156,7 +156,7 @@ class Evidence:
         return [point.number for point in self._of_joint(wanted)[1] if point.cube == cube]
 
     def _of_joint(self, wanted: Mapping[str, Any]) -> tuple[dict[str, Any], list[Point]]:
-        identity = {name: JOINT_PARAMETERS[name].default for name in _IDENTITY} | wanted
+        identity = {name: JOINT_PARAMETERS[name].default for name in _IDENTITY} | dict(wanted)
         return identity, [point for point in self._points if "model" in point.parameters and _matches(point, identity)]
 
     def scene(self, **wanted: Any) -> list[Point]:

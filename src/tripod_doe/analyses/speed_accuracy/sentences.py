@@ -56,12 +56,12 @@ def _what_to_use(data: xr.Dataset, scene: str) -> str:
     lead = "third_order" if "third_order" in data["quantity"].values else str(data["quantity"].values[0])
     runs = of_scene.sel(quantity=lead)
     finest = data.isel(case=int(np.flatnonzero(referred)[-1])).sel(quantity=lead)
-    error, price = runs["model_error"].values, runs["cpu_per_second"].values
+    error, price = runs["total_error"].values, runs["cpu_per_second"].values
     if np.unique(runs["model"].values[np.isfinite(error)]).size < 2:
         return ""
-    known, parts = float(finest["reference_error"]), []
+    parts = []
     for target in _TARGETS:
-        within = np.flatnonzero((np.maximum(error, known) <= target) & np.isfinite(price))
+        within = np.flatnonzero((error <= target) & np.isfinite(price))
         if within.size == 0:
             parts.append(f"{level(100 * target)} % is reached by none")
             continue
@@ -73,7 +73,8 @@ def _what_to_use(data: xr.Dataset, scene: str) -> str:
             f"{level(100 * target)} % {best['model'].item()} ({run}; "
             f"{number(float(best['cpu_per_second']))} s per simulated second)"
         )
-    what = f"the {runs['quantity_meaning'].item()}, by the difference to {finest['case_model'].item()} there"
+    errors = f"numerical error plus the model's difference to {finest['case_model'].item()} there"
+    what = f"the {runs['quantity_meaning'].item()}, by {errors}"
     return f"What to use in the {_spoken(scene)} for {what}: within {'; within '.join(parts)}."
 
 

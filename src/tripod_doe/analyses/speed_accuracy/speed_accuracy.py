@@ -203,11 +203,11 @@ def _run_variables(
         _front(np.array([run.price for run in case.runs]), floored) for case, floored in zip(cases, floors, strict=True)
     ]
     model = np.vstack([_errors(case.runs, truths[case.label]) for case in cases])
-    known = np.vstack([_model_floors(case, references[case.label], truths[case.label]) for case in cases])
+    total = np.vstack([_total_errors(case, references[case.label], truths[case.label]) for case in cases])
     model_front = np.zeros(model.shape, np.int8)
     for scene in dict.fromkeys(case.scene for case in cases):  # all models of a scene compete
         rows = np.array([case.scene == scene for case, _ in runs])
-        model_front[rows] = _front(prices[rows], np.maximum(model, known)[rows])
+        model_front[rows] = _front(prices[rows], total[rows])
     repeated = [run.seconds[np.isfinite(run.seconds)] for _, run in runs]
     spread = np.array([(values.min(), values.max()) if values.size else (np.nan, np.nan) for values in repeated])
 
@@ -242,6 +242,7 @@ def _run_variables(
         "force_evaluations": along((run.force_evaluations for _, run in runs), "evaluations of all forces", "1"),
         "numerical_error": error(np.vstack(own), "relative difference to the reference of the same model"),
         "model_error": error(model, "relative difference to the reference of the finest model"),
+        "total_error": error(total, "numerical error plus the error of the model, by its reference or its finest run"),
         "below_reference": error(
             np.vstack(
                 [
@@ -253,20 +254,29 @@ def _run_variables(
         ),
         "front": error(np.vstack(fronts), "1 where no run of this scene and model is cheaper and more exact"),
         "model_front": error(
-            model_front,
-            "1 where no run of any model of this scene is cheaper and nearer to the "
-            "finest model, errors that cancel a model's not counted",
+            model_front, "1 where no run of any model of this scene is cheaper and has a smaller total error"
         ),
     }
 
 
-def _model_floors(case: Case, reference: _Reference | None, truth: _Reference | None) -> FloatArray:
-    """Least model error that a run can claim, shape (run, QUANTITIES): of its model and of the truth.
+def _total_errors(case: Case, reference: _Reference | None, truth: _Reference | None) -> FloatArray:
+    """Numerical error of every run plus the error of its model, shape (run, QUANTITIES).
 
-    So a numerical error that happens to cancel the model error does not count as accuracy.
+    So a numerical error that happens to cancel the model's does not count as accuracy. Where one method alone finished,
+    its finest run stands for the model.
     """
-    own = _errors([reference.run], truth)[0] if reference else np.full(len(QUANTITIES), np.nan)
-    return np.tile(np.fmax(own, _own_errors(truth)), (len(case.runs), 1))
+    own = reference or _finest_alone(case)
+    if own is None or truth is None:
+        return np.full((len(case.runs), len(QUANTITIES)), math.nan)
+    of_model = 0.0 if own is truth else np.fmax(_errors([own.run], truth)[0], _own_errors(truth))
+    return np.maximum(_errors(case.runs, own), _own_errors(own)) + of_model
+
+
+def _finest_alone(case: Case) -> _Reference | None:
+    """The finest run of the last method that finished, with the error to which it converges by itself."""
+    done = [run for run in case.runs if run.finished]
+    alike = [run for run in done if run.method == done[-1].method]
+    return _Reference(alike[-1], "", _own_convergence(alike)) if alike else None
 
 
 def _is_default(case: Case, run: TimedRun) -> bool:
