@@ -9,6 +9,7 @@ import textwrap
 import threading
 import time
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from server_process import LONG, Server, committed, runs_in
 from service_client import COAST
 
 from started import Process
+from tripod_doe.service.runs.run_table import RunTable, State
 from tripod_doe.service.server import add_demo
 from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
@@ -146,6 +148,23 @@ def test_kills_lose_no_finished_point_and_run_none_twice(serve, tmp_path):
     status, rows = server.ask(f"/runs/{run_id}/query?variable=thrust_rms&select=order%3D3")
     assert status == 200
     assert sum(row["outcome"] == "finished" for row in rows) == len(keys)
+
+
+@pytest.mark.slow
+def test_a_run_at_its_start_goes_on_after_a_restart(serve, tmp_path):
+    """Regression: the end of the server in these seconds left it failed, "cannot start a process: exit code 255"."""
+    server = serve("--workers", "0")
+    run_id = server.submit(COAST)
+    server.wait(run_id, lambda run: run["state"] == "finished")
+    server.end()
+    table = RunTable(tmp_path / "results")
+    table.put(replace(table.all()[0], state=State.QUEUED))
+    table.close()
+    server = serve("--workers", "0")  # it starts the run with its first process, which takes a second
+    server.wait(run_id, lambda run: run["state"] == "running")
+    server.end()
+    run = serve("--workers", "0").wait(run_id, lambda run: run["state"] in ("finished", "failed"))
+    assert (run["state"], run["message"]) == ("finished", "")
 
 
 def test_a_demonstration_that_cannot_start_keeps_the_server_from_nothing(tmp_path, monkeypatch, capsys):

@@ -386,6 +386,19 @@ def test_a_server_that_only_reads_follows_the_one_that_runs(start, settings, tmp
         time.sleep(0.02)
 
 
+def test_a_run_that_the_server_before_was_just_starting_is_started(start, settings, tmp_path):
+    """Regression: a server that ended within the seconds of a start left a failed run (exit code 255)."""
+    before = start(SLEEP, replace(settings, limits=Limits(running=0)))
+    begun, unbegun = submit(before, tmp_path), submit(before, tmp_path)
+    for run_id, number in ((begun, "1\n"), (unbegun, "")):
+        before._store(before.find(run_id).changed(state=State.RUNNING))
+        (settings.folder / run_id / ".alive").write_text(number)
+    before.close()
+    after = start(ENDS.format("it has started"))
+    assert wait(after, unbegun, State.FAILED).message == "it has started"
+    assert wait(after, begun, State.FAILED).message.startswith("its process ended without a message")
+
+
 def test_a_clock_that_jumps_moves_times_and_nothing_else(start, settings, tmp_path, monkeypatch):
     """Twenty years back, then forty on: order, states and the queue stay."""
     supervisor = start(SLEEP)

@@ -73,6 +73,14 @@ def is_alive(directory: Path) -> bool:
     return _locked(directory / _ALIVE)
 
 
+def was_begun(directory: Path) -> bool:
+    """Whether the latest start in a directory got as far as a process."""
+    try:
+        return bool(read_regular(directory / _ALIVE, _LONGEST_NUMBER))
+    except (OSError, InputError):
+        return False
+
+
 def is_held(directory: Path) -> bool:
     """Whether any process computes into a result directory, including a process started by hand."""
     return is_alive(directory) or has_begun(directory)

@@ -78,11 +78,19 @@ class Supervisor:
         for run in [run for run in rows if not run.binned]:
             if not run.place or is_directory(self.settings.folder / run.place):
                 self._show(run)
+                if run.state is State.RUNNING and self._is_unbegun(run):
+                    self._store(run.changed(state=State.QUEUED))
             elif not self.settings.read_only:
                 self._table.remove(run.id)
         if not self.settings.read_only:
             self._bin.remove_leftovers()
         self._thread.start()
+
+    def _is_unbegun(self, run: Run) -> bool:
+        """Whether the server before ended while it was starting the process of a run."""
+        directory = self.directory(run.id)
+        own = not (run.is_left_alone or self.settings.read_only)
+        return own and not processes.is_held(directory) and not processes.was_begun(directory)
 
     def close(self) -> None:
         """End the supervision; started runs go on."""
