@@ -5,19 +5,24 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import sys
 import textwrap
 import threading
 import time
 from contextlib import suppress
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from server_process import LONG, Server, committed, runs_in
-from service_client import COAST
+from service_client import ADDRESS, COAST, TOKEN
+from starlette.testclient import TestClient
 
 from started import Process
-from tripod_doe.service.runs.run_table import RunTable, State
+from tripod_doe.service.app import create_app
+from tripod_doe.service.runs.run_table import PointCounts, Run, RunTable, State
 from tripod_doe.service.server import add_demo
 from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
@@ -165,6 +170,34 @@ def test_a_run_at_its_start_goes_on_after_a_restart(serve, tmp_path):
     server.end()
     run = serve("--workers", "0").wait(run_id, lambda run: run["state"] in ("finished", "failed"))
     assert (run["state"], run["message"]) == ("finished", "")
+
+
+def test_a_server_that_only_reads_refuses_before_it_reads_a_body(tmp_path):
+    """Regression: 422, 413 or 415 about the body of a change that it would refuse anyway."""
+    with TestClient(create_app(Settings(tmp_path, read_only=True, token=TOKEN)), ADDRESS) as client:
+        own = {"authorization": f"Bearer {TOKEN}"}
+        for path in ("/runs", "/runs?a=b", "/plans", "/simulate", "/runs/x/stop", "/runs/x/compare"):
+            answer = client.post(f"/api/v1{path}", content=b"x" * 1_000_000, headers=own | {"content-type": "text/csv"})
+            assert answer.status_code == 403, path
+            assert "read-only" in answer.text
+        assert client.delete("/api/v1/runs/x?a=b", headers=own).status_code == 403
+        assert client.get("/api/v1/runs", headers=own).json() == []
+
+
+class Terminal(StringIO):
+    def isatty(self):
+        return True
+
+
+def test_the_demonstration_shows_its_progress(tmp_path, monkeypatch):
+    """Regression: silence from the name of the study to the address."""
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    run = Run("a" * 16, "study", "demonstration", "", State.RUNNING, counts=PointCounts(144))
+    looks = [replace(run, counts=PointCounts(144, 36)), run.changed(state=State.FINISHED, counts=PointCounts(144, 144))]
+    service = Mock()
+    service.submit.return_value, service.runs.all.return_value, service.runs.find.side_effect = run, [], looks
+    add_demo(service)
+    assert "144/144" in sys.stderr.getvalue()
 
 
 def test_a_demonstration_that_cannot_start_keeps_the_server_from_nothing(tmp_path, monkeypatch, capsys):

@@ -185,6 +185,8 @@ def add_demo(service: Service) -> None:
     Args:
         service: Started, and not read-only.
     """
+    from tripod_doe.workflow.progress import Progress
+
     text = (files("tripod_doe.service") / "demo.toml").read_text(encoding="utf-8")
     name = tomllib.loads(text)["study"]["name"]
     if any(run.name == name for run in service.runs.all()):
@@ -195,5 +197,8 @@ def add_demo(service: Service) -> None:
     except (TripodDoeError, AllBusyError, WorkerFailedError, ServerEndsError, RefusedError) as error:
         print(f"tripod-doe: it cannot run now: {error or 'all workers are busy'}", file=sys.stderr)
         return
-    while not service.runs.find(run.id).state.at_rest:
-        time.sleep(_LOOK)
+    with Progress(run.counts.total, shown=True) as progress:
+        while not run.state.at_rest:
+            time.sleep(_LOOK)
+            before, run = run.counts.missing, service.runs.find(run.id)
+            progress.add(before - run.counts.missing)

@@ -80,7 +80,7 @@ class Service:
         self._reader = ""
         self.threads = _SPARE_THREADS + sum(pool.threads for pool in self._pools)
         self.shares = Shares(settings.folder)
-        self.computes = True
+        self.computes = not settings.read_only
         self.is_open: Callable[[], bool] = lambda: True
         self.left: threading.Event | None = None
         self.extremes = Extremes(self._find_extremes)
@@ -190,10 +190,10 @@ class Service:
         """Ask a question about a point of a result directory that simulates it again.
 
         Raises:
-            RefusedError: 403 for readers: their tokens compute nothing.
+            RefusedError: 403 for readers, and on a read-only server: they compute nothing.
         """
         if not self.computes:
-            raise RefusedError(403, "this token only reads, and a point in motion is simulated again")
+            raise RefusedError(403, "this server or this token only reads, and a point in motion is simulated again")
         seconds = self.settings.limits.simulate_seconds
         return self._computing.ask(place, seconds, False, self.left, **arguments)
 

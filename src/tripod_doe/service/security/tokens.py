@@ -28,7 +28,7 @@ class Access:
 
     name: str  # owner, reader, or the id of a share
     settings: Settings  # of the server as this client sees it
-    owns: bool = False  # whether it may do everything
+    owns: bool = False  # whether it is the owner's
     is_open: Callable[[], bool] = lambda: True  # False once the access has ended
 
     def check(self, method: str, place: str) -> None:
@@ -37,10 +37,8 @@ class Access:
         Args:
             place: The address without the first part.
         """
-        if self.owns:
-            return
-        if method not in _SAFE:
-            raise RefusedError(403, "this token is read-only: it changes nothing and computes nothing")
+        if self.settings.read_only and method not in _SAFE:
+            raise RefusedError(403, "this server or this token is read-only: it changes nothing and computes nothing")
         if self.settings.only_run and not re.fullmatch(_ONE_RUN.format(re.escape(self.settings.only_run)), place):
             raise RefusedError(403, "this link opens one run and nothing else")
 
