@@ -399,6 +399,19 @@ def test_a_run_that_the_server_before_was_just_starting_is_started(start, settin
     assert wait(after, begun, State.FAILED).message.startswith("its process ended without a message")
 
 
+def test_every_row_is_in_one_file(tmp_path):
+    """Regression: what a kill left stood in a log beside the table, and runs were lost in silence with the log."""
+    table = RunTable(tmp_path)
+    rows = [Run(f"{number:016x}", "study", "n", "", State.FINISHED) for number in range(3)]
+    for row in rows:
+        table.put(row)
+    (tmp_path / "copy").mkdir()
+    shutil.copy(tmp_path / TABLE, tmp_path / "copy")  # as a kill and the loss of all other files would leave it
+    table.close()
+    with closing(RunTable(tmp_path / "copy", read_only=True)) as copied:
+        assert copied.all() == rows
+
+
 def test_a_clock_that_jumps_moves_times_and_nothing_else(start, settings, tmp_path, monkeypatch):
     """Twenty years back, then forty on: order, states and the queue stay."""
     supervisor = start(SLEEP)
