@@ -21,6 +21,7 @@ from tripod_doe.analyses.diff.sentences import diff_json
 from tripod_doe.service.app import create_app
 from tripod_doe.service.routes import results
 from tripod_doe.service.settings import Settings
+from tripod_doe.workflow.steps_file import write_steps
 
 pytestmark = pytest.mark.usefixtures("charts_not_drawn")
 
@@ -222,6 +223,13 @@ def test_wrong_states_are_refused(api, coast):
         assert api.post(f"/runs/none{path}").status_code == 404
 
 
+CHAIN = """
+[workflow]
+name = "chain"
+[steps.map]
+kind = "study"
+study = "study.toml"
+"""
 BY_FUNCTION = """
 [study]
 name = "Own function"
@@ -308,6 +316,23 @@ def test_a_run_that_the_command_line_went_on_with_has_its_points(own_folder, tmp
     (run,) = shown(own, 1, "finished")
     assert (run["id"], run["points"]["total"]) == (run_id, 12)
     assert "1000" in own.get(f"/runs/{run_id}/upload").json()["study"]
+
+
+def test_the_directories_of_runs_bring_back_a_table_that_is_lost(coast, settings, own_folder):
+    """Regression: workflows and searches were gone, and studies were runs of the command line under other names."""
+    own, folder = own_folder
+    upload = folder / ("b" * 16) / "upload"
+    upload.mkdir(parents=True)
+    (upload / "workflow.toml").write_text(CHAIN)
+    (upload / "study.toml").write_text(textwrap.dedent(COAST))
+    write_steps(upload.parent, [])
+    shutil.copytree(settings.folder / coast, folder / coast)
+    runs = {run["id"]: run for run in shown(own, 2, "finished", "failed")}
+    assert {key: run["kind"] for key, run in runs.items()} == {coast: "study", "b" * 16: "workflow"}
+    assert [run["found"] for run in runs.values()] == [False, False]
+    assert runs[coast]["points"]["finished"] == 4
+    assert own.post(f"/runs/{'b' * 16}/resume").json()["state"] == "queued"
+    assert own.delete(f"/runs/{coast}").status_code == 204
 
 
 def test_a_run_of_a_function_is_shown_and_never_imported(own_folder, monkeypatch):

@@ -1,4 +1,7 @@
-"""Result directories that the command line fills, found while the server of their folder runs."""
+"""Result directories that the table of runs does not know, found while the server of their folder runs.
+
+The command line filled them, or the table was lost: a directory with an upload is a run of the service.
+"""
 
 import logging
 import os
@@ -10,12 +13,14 @@ from typing import Any, NamedTuple
 
 from tripod_doe.errors import TripodDoeError
 from tripod_doe.service.problems import RefusedError
-from tripod_doe.service.runs.run_end import is_another_study, is_exchanged, page_of
+from tripod_doe.service.requests.uploads import STUDY, UPLOAD
+from tripod_doe.service.runs.run_end import is_another_study, is_directory, is_exchanged, page_of
 from tripod_doe.service.runs.run_table import Run
 from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.security.delivered_files import check_delivered
 from tripod_doe.service.workers.worker_pool import AllBusyError, ServerEndsError, WorkerFailedError
 from tripod_doe.study.journal import journal_path
+from tripod_doe.workflow.steps_file import STEPS
 
 _PERIOD = 2.0  # seconds between two looks
 
@@ -131,14 +136,14 @@ def _is_continued(path: Path, run: Run, signature: Signature) -> bool:
 
 
 def _signature(path: Path) -> Signature | None:
-    """The signature of a directory; None if it holds no study."""
-    study, journal, cube, page = map(
-        _changed, (path / "study.toml", journal_path(path), path / "cube.nc", page_of(path))
-    )
-    if not study or not journal:
+    """The signature of a directory; None if it holds no study, and no workflow or search of the service."""
+    study, journal = path / STUDY, journal_path(path)
+    if is_directory(path / UPLOAD) and not study.exists():
+        study = journal = path / STEPS
+    if not _changed(study) or not _changed(journal):
         return None
-    top = os.lstat(path)
-    return Signature(os.lstat(journal_path(path)).st_ino, top.st_mode, top.st_uid, study, journal, cube, page)
+    top, files = os.lstat(path), (study, journal, path / "cube.nc", page_of(path))
+    return Signature(os.lstat(journal).st_ino, top.st_mode, top.st_uid, *map(_changed, files))
 
 
 def _changed(path: Path) -> int:

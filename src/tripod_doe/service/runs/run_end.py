@@ -18,7 +18,7 @@ from tripod_doe.files.regular_files import read_regular
 from tripod_doe.service.problems import RefusedError, among_runs
 from tripod_doe.service.requests.uploads import STUDY, UPLOAD, main_file
 from tripod_doe.service.runs.processes import has_begun, last_words
-from tripod_doe.service.runs.run_table import PointCounts, Run, State
+from tripod_doe.service.runs.run_table import ID, PointCounts, Run, State
 from tripod_doe.study.cube.file_checks import analysis_files
 from tripod_doe.study.definition.study_folder import table_copy
 from tripod_doe.study.definition.toml_text import parse_toml
@@ -174,6 +174,11 @@ def _is_begun_by_hand(run: Run, directory: Path) -> bool:
         return read_regular(directory / UPLOAD / main_file(run.kind)) == read_regular(directory / _COPIES[run.kind])
     except (OSError, InputError):  # one of them is missing, or no file
         return False
+
+
+def is_own(directory: Path) -> bool:
+    """Whether the service made a directory, and its results are of what was submitted there."""
+    return bool(ID.fullmatch(directory.name)) and (directory / UPLOAD).is_dir() and not is_another_study(directory)
 
 
 def is_another_study(path: Path) -> bool:

@@ -26,7 +26,8 @@ from tripod_doe.study.result_directory.annotation import Annotation
 TABLE = "service.sqlite"
 """File of the folder that holds the table."""
 
-_ID = re.compile(r"[0-9a-f]{16}")
+ID = re.compile(r"[0-9a-f]{16}")
+"""Id of a run, also the name of its directory."""
 
 
 class State(StrEnum):
@@ -233,7 +234,7 @@ class RunTable:
                 rows = self._connection.execute("SELECT id, key, record FROM run ORDER BY number").fetchall()
             except sqlite3.DatabaseError as error:
                 raise _unusable(self.path, error) from error
-        return [_from_row(*row) for row in rows if _ID.fullmatch(str(row[0]))]
+        return [_from_row(*row) for row in rows if ID.fullmatch(str(row[0]))]
 
     def is_changed(self) -> bool:
         """Whether another process has changed the table since the last call."""

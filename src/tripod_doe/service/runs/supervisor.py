@@ -121,14 +121,18 @@ class Supervisor:
                     self.events.forget(run.id)
 
     def adopt(self, directory: Path, plan: Mapping[str, Any]) -> None:
-        """Show a directory of the folder that the command line filled, or is filling, perhaps once more."""
+        """Show a directory of the folder that the command line filled, or is filling, perhaps once more.
+
+        One that the service filled, and whose row was lost, is its run again.
+        """
         study = {"state": State.RUNNING, **run_end.results_in(directory), **_planned(plan)}
         with self._lock:
             run = self.by_place().get(directory.name)
             if run is None:
-                written = stamp(datetime.fromtimestamp(journal_path(directory).stat().st_mtime, UTC))
-                study |= {"created": written, "updated": written, "place": directory.name}
-                run = self._store(Run(secrets.token_hex(8), **study))
+                written = stamp(datetime.fromtimestamp(directory.stat().st_mtime, UTC))
+                own = run_end.is_own(directory)
+                study |= {"created": written, "updated": written, "place": "" if own else directory.name}
+                run = self._store(Run(directory.name if own else secrets.token_hex(8), **study))
             elif run.state.at_rest and run.id not in self._changing:
                 self._store(run.changed(message="", place=directory.name, taken=False, **study))
         self._look_at(run.id)

@@ -27,8 +27,10 @@ from tripod_doe.service.requests.forms import (
     Table,
 )
 from tripod_doe.service.requests.uploads import (
+    KINDS,
     STUDY,
     UPLOAD,
+    main_file,
     refuse_large_texts,
     refuse_many_files,
     upload_texts,
@@ -151,10 +153,12 @@ def _checked(body: bytes, kind: str, texts: Mapping[str, str], folder: Path, lim
 
 
 def plan_directory(path: str, limits: Limits) -> Any:
-    """Counts of the study of a directory that the command line filled."""
-    from tripod_doe.service.requests.plans import plan_stored
+    """Counts of the study of a directory that the command line filled, or of what was submitted there."""
+    from tripod_doe.service.requests.plans import plan_stored, plan_upload
 
-    return plan_stored(Path(path), limits)
+    upload, kinds = Path(path) / UPLOAD, KINDS if (Path(path) / STUDY).exists() else KINDS[1:]
+    kind = next((kind for kind in kinds if (upload / main_file(kind)).is_file()), "study")
+    return plan_stored(Path(path), limits) if kind == "study" else plan_upload(upload, kind, limits, timing=False)
 
 
 def texts_of_directory(path: str) -> Any:
