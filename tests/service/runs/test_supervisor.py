@@ -182,14 +182,14 @@ def test_a_run_that_does_not_stop_is_killed(start, tmp_path):
     wait_for_word(log, "ready")
     supervisor.stop(run_id)
     wait_for_word(log, "asked")
-    supervisor._stop_by[run_id] = time.monotonic()
+    supervisor._work[run_id]._kill_at = time.monotonic()
     wait(supervisor, run_id, State.STOPPED)
     assert log.read_text().split() == ["ready", "asked"]
 
 
 def test_a_run_that_is_stopped_before_it_has_started_ends_as_soon_as_it_has(start, tmp_path, monkeypatch):
     """Its number is not there yet; it is asked to stop once, for the second time would end it at once."""
-    monkeypatch.setattr("tripod_doe.service.runs.supervisor._PATIENCE", 1000)
+    monkeypatch.setattr("tripod_doe.service.runs.run_work._PATIENCE", 1000)
     supervisor = start(SLEEP)
     run_id = submit(supervisor, tmp_path)
     wait(supervisor, run_id, State.RUNNING)
@@ -524,7 +524,7 @@ def spoil(supervisor, run_id, **values):
         supervisor._store(supervisor.find(run_id).changed(**values))
     until = time.monotonic() + 20
     while (run := supervisor.find(run_id)).state is State.RUNNING:
-        supervisor._progress.pop(run_id, None)
+        supervisor._work.pop(run_id, None)
         assert time.monotonic() < until
         time.sleep(0.02)
     return run

@@ -21,17 +21,16 @@ from tripod_doe.service.runs import processes, run_end
 from tripod_doe.service.runs.annotations import AnnotationFiles, with_annotation
 from tripod_doe.service.runs.bin import Bin
 from tripod_doe.service.runs.events import Events
-from tripod_doe.service.runs.progress import RunProgress
-from tripod_doe.service.runs.run_end import ending_of, is_directory, remove_report, remove_stages
+from tripod_doe.service.runs.run_end import ending_of, is_directory
 from tripod_doe.service.runs.run_table import PointCounts, Run, RunTable, State, now, stamp
+from tripod_doe.service.runs.run_work import RunWork, next_to_start, refuse_full_queue, start_work
 from tripod_doe.service.settings import Settings
-from tripod_doe.study.journal import journal_path
 from tripod_doe.study.result_directory.annotation import annotated, write_annotation
 
 _PERIOD = 0.25  # seconds between two checks: a finished point must show within a second
 _BIN_PERIOD = 3600.0  # seconds from the start until the bin is emptied: a clock that is wrong is set right meanwhile
 _FURTHER = "further points, or variables by formula"
-_PATIENCE = 20.0  # seconds that a run has to end in order after a stop
+_PATIENCE = 20.0  # seconds for a look that a disk delays
 
 log = logging.getLogger(__name__)
 
@@ -61,11 +60,8 @@ class Supervisor:
         self._lock = threading.RLock()
         self._runs: dict[str, Run] = {}
         self._bin = Bin(settings.folder, self._table)
-        self._progress: dict[str, RunProgress] = {}
-        self._interrupted: set[str] = set()
+        self._work: dict[str, RunWork] = {}
         self._changing: set[str] = set()  # runs that are taking a larger study now
-        self._stop_by: dict[str, float] = {}
-        self._endings: dict[str, tuple[State, str]] = {}  # known endings that a full disk has kept from the table
         self._annotation_files = AnnotationFiles()
         self._bin_due = time.monotonic() + _BIN_PERIOD
         self._ended = threading.Event()
@@ -114,7 +110,7 @@ class Supervisor:
         with self._lock:
             for run in [self._runs[run.id] for run in gone if run.id in self._runs]:
                 if (run.state.at_rest or run.is_left_alone) and run.id not in self._changing:
-                    self._forget_work(run.id)
+                    self._work.pop(run.id, None)
                     if not self.settings.read_only:
                         self._table.remove(run.id)
                     del self._runs[run.id]
@@ -182,18 +178,13 @@ class Supervisor:
         with self._lock:
             if key and (earlier := self.find_by_key(key, digest)):
                 return earlier
-            self._refuse_full_queue()
+            refuse_full_queue(self._runs.values(), len(self._changing), self.settings.limits)
             run_id, time_now = secrets.token_hex(8), now()
             directory = self.directory(run_id)
             directory.mkdir(mode=0o700)
             upload.rename(directory / UPLOAD)
             own: dict[str, Any] = {"created": time_now, "updated": time_now, "key": key or None, "digest": digest}
             return self._store(Run(run_id, state=State.QUEUED, **_planned(plan), **own))
-
-    def _refuse_full_queue(self) -> None:
-        most = self.settings.limits.queued
-        if sum(run.state is State.QUEUED for run in self._runs.values()) + len(self._changing) >= most:
-            raise RefusedError(413, f"{most:,} runs are waiting, which is the limit: try again later")
 
     def stop(self, run_id: str) -> Run:
         """Stop a run: a queued run at once, a started run after its current points.
@@ -209,8 +200,7 @@ class Supervisor:
                 raise RefusedError(409, f"state: {run.state}: only a queued or running run can be stopped")
             if run.state is State.RUNNING:
                 run = self._store(run.changed(state=State.STOPPING))
-                self._stop_by[run_id] = time.monotonic() + _PATIENCE
-                self._interrupt(run_id)
+                self._work_of(run).stop()
             return run
 
     def resume(self, run_id: str, retry_failed: bool = False, damaged: bool = False) -> Run:
@@ -232,7 +222,7 @@ class Supervisor:
             if processes.is_held(self.directory(run_id)):
                 raise RefusedError(409, "another process computes into the directory of this run")
             run_end.refuse_exchanged(run, self.directory(run_id))
-            self._refuse_full_queue()
+            refuse_full_queue(self._runs.values(), len(self._changing), self.settings.limits)
             run = run_end.with_results(run, self.directory(run_id))  # perhaps begun by the command line
             return self._store(run.changed(state=State.QUEUED, message="", retry_failed=retry_failed))
 
@@ -250,7 +240,7 @@ class Supervisor:
         """
         with self._lock:
             self.refuse_extension(run_id)
-            self._refuse_full_queue()
+            refuse_full_queue(self._runs.values(), len(self._changing), self.settings.limits)
             self._changing.add(run_id)
         try:
             note()
@@ -322,7 +312,7 @@ class Supervisor:
                 run = run.changed(state=State.STOPPED, message="stopped before it started")
             self._bin.add(run)
             del self._runs[run_id]
-            self._progress.pop(run_id, None)
+            self._work.pop(run_id, None)
             self.events.forget(run_id)
 
     def restore(self, run_id: str) -> Run:
@@ -403,14 +393,13 @@ class Supervisor:
                 return
             if not run.is_left_alone and not self.settings.read_only:
                 processes.kill_run(self.directory(run_id))
-            self._forget_work(run_id)
+            self._work.pop(run_id, None)
             self._store(run.changed(state=State.FAILED, message=message, eta_seconds=None, retry_failed=False))
 
-    def _forget_work(self, run_id: str) -> None:
-        """Drop the data about the process of an ended run."""
-        self._interrupted.discard(run_id)
-        for kept in (self._stop_by, self._progress, self._endings):
-            kept.pop(run_id, None)
+    def _work_of(self, run: Run) -> RunWork:
+        if run.id not in self._work:
+            self._work[run.id] = RunWork(run, self.directory(run.id))
+        return self._work[run.id]
 
     def _read_again(self) -> None:
         """Take over the changes of the server that runs studies in this folder."""
@@ -434,13 +423,12 @@ class Supervisor:
         directory, run = self.directory(run_id), self._runs.get(run_id)
         if run is None or not run.state.alive:
             return
-        alive = processes.is_held(directory)
-        progress = self._progress.setdefault(run_id, RunProgress(run, directory))
-        if alive and not progress.is_due():
+        alive, work = processes.is_held(directory), self._work_of(run)
+        if alive and not work.progress.is_due():
             with self._lock:
-                self._stop_or_kill(run_id)
+                self._stop_again(run_id, work)
             return
-        counts, steps = progress.read()
+        counts, steps = work.progress.read()
         doing = run_end.work_beside_points(run, counts, directory) if alive else ""
         with self._lock:
             run = self._runs[run_id]
@@ -450,17 +438,21 @@ class Supervisor:
                 run = self._store(known)
             if alive:
                 if (counts, steps, doing) != (run.counts, run.steps, run.message):
-                    eta = progress.eta_seconds(counts)
+                    eta = work.progress.eta_seconds(counts)
                     self._show(run.changed(counts=counts, steps=steps, message=doing, eta_seconds=eta))
-                self._stop_or_kill(run_id)
+                self._stop_again(run_id, work)
                 return
-            state, message = self._endings.setdefault(run_id, ending_of(run, counts, steps, directory))
+            state, message = work.ending = work.ending or ending_of(run, counts, steps, directory)
             steps = tuple(dict(step) | ({"state": state.value} if step["state"] == "running" else {}) for step in steps)
             if state is State.FINISHED:  # the points of a search or a fed step are known only now
                 counts = counts.of(0)
             ended = run.changed(eta_seconds=None, retry_failed=False)
             self._store(ended.changed(state=state, message=message, counts=counts, steps=steps))
-            self._forget_work(run_id)
+            self._work.pop(run_id, None)
+
+    def _stop_again(self, run_id: str, work: RunWork) -> None:
+        if self._runs[run_id].state is State.STOPPING:
+            work.stop()
 
     def _read_annotations(self) -> None:
         """Take over annotations that the command line wrote."""
@@ -473,26 +465,10 @@ class Supervisor:
                 if files.is_current(run_id, directory):
                     self._store(with_annotation(run, annotation))
 
-    def _interrupt(self, run_id: str) -> None:
-        """Ask a run to stop, only once: a second signal would end it at once."""
-        if run_id not in self._interrupted and processes.stop_run(self.directory(run_id)):
-            self._interrupted.add(run_id)
-
-    def _stop_or_kill(self, run_id: str) -> None:
-        """Repeat the stop for a run that had just started, and kill a run that did not stop in time."""
-        if self._runs[run_id].state is State.STOPPING:
-            self._interrupt(run_id)
-            due = self._stop_by.setdefault(run_id, time.monotonic() + _PATIENCE)
-            if time.monotonic() > due:
-                self._stop_by[run_id] = time.monotonic() + _PATIENCE
-                processes.kill_run(self.directory(run_id))
-
     def _start_waiting(self) -> None:
         """Start the runs that have waited longest, up to the limit of simultaneous runs."""
         with self._lock:
-            for run in [run for run in self._runs.values() if run.state is State.QUEUED]:
-                if sum(other.state.alive for other in self._runs.values()) >= self.settings.limits.running:
-                    break
+            for run in next_to_start(self._runs.values(), self.settings.limits):
                 self._for_one(run, self._start)
 
     def _start(self, run_id: str) -> None:
@@ -502,10 +478,6 @@ class Supervisor:
             return
         self._store(run.changed(state=State.RUNNING, inode=0))  # before the start, so that a kill is noticed
         try:
-            remove_report(directory)
-            if run.is_search:
-                remove_stages(directory)
-            words = processes.run_words(run, directory, self.settings.workers)
-            processes.start_run(directory, words, self.settings.limits.run_memory_bytes)
+            start_work(run, directory, self.settings)
         except InputError as error:
             self._store(replace(self._runs[run_id], state=State.FAILED, message=among_runs(str(error), directory)))
