@@ -31,6 +31,7 @@ from tripod_doe.number_text import number
 from tripod_doe.study.definition.simulators import load_simulator
 from tripod_doe.study.result_directory.directory import ResultDirectory
 from tripod_doe.workflow import optimise
+from tripod_doe.workflow.candidate_search import CandidateSearch
 from tripod_doe.workflow.optimise_plan import plan_optimisation
 from tripod_doe.workflow.point_batches import PointBatches
 from tripod_doe.workflow.steps_file import found_sentences
@@ -564,8 +565,8 @@ def test_the_plan_counts_the_work_beside_the_points(solve, tmp_path):
 def test_candidates_are_found_by_their_rows(solve, tmp_path, monkeypatch):
     """Exact: rows of several generations in any order, some of them twice."""
     runs = []
-    search = optimise._Run.search
-    monkeypatch.setattr(optimise._Run, "search", lambda run: (runs.append(run), search(run))[1])
+    search = CandidateSearch.search
+    monkeypatch.setattr(CandidateSearch, "search", lambda run: (runs.append(run), search(run))[1])
     solve("slope", {"x": {"low": 0, "high": 1}}, {"f": {"output": "f"}}, search={"evaluations": 80, "seed": 1})
     rows = np.array([70, 3, 41, 3, 0, 69, 21, 20, 19])
     alone, all_of_them = runs[0].judged_at(rows), runs[0].archive().judged.take(rows)
