@@ -56,13 +56,23 @@ def test_an_answer_that_cannot_be_written_is_told(bench, words, buffered):
     assert done.stderr == "tripod-doe: cannot write: No space left on device\n"
 
 
-def test_a_device_is_not_replaced_by_a_file(bench, tmp_path):
-    """Regression: `--output /dev/full` of an administrator made a file of it."""
-    os.mkfifo(tmp_path / "pipe.nc")
-    done = called(["query", "out", "--variable", "y", "--output", str(tmp_path / "pipe.nc")], bench)
-    assert done.returncode == 1
-    assert "cannot write this file: something other than a file has this name" in done.stderr
-    assert (tmp_path / "pipe.nc").is_fifo()
+@pytest.mark.parametrize("ending", ["nc", "csv"])
+def test_a_device_is_not_replaced_by_a_file(bench, tmp_path, capsys, ending):
+    """Regression: `--output /dev/full` of an administrator made a file of it, and a pipe without a reader blocked."""
+    os.mkfifo(pipe := tmp_path / f"pipe.{ending}")
+    assert main(["query", str(bench / "out"), "--variable", "y", "--output", str(pipe)]) == 1
+    assert "cannot write this file: something other than a file has this name" in capsys.readouterr().err
+    assert pipe.is_fifo()
+
+
+@pytest.mark.parametrize("name", ["cube.nc", "journal.sqlite"])
+def test_an_answer_does_not_replace_the_results_that_it_is_from(bench, capsys, name):
+    """Regression: the cube was one variable then, and the journal of all finished points a table."""
+    before = (bench / "out" / name).read_bytes()
+    words = ["query", str(bench / "out"), "--variable", "y", "--format", "csv" if name != "cube.nc" else "netcdf"]
+    assert main([*words, "--output", str(bench / "out" / name)]) == 2
+    assert "this file holds the results that are read; choose another name" in capsys.readouterr().err
+    assert (bench / "out" / name).read_bytes() == before
 
 
 @pytest.mark.slow

@@ -10,7 +10,6 @@ import logging
 import os
 import shlex
 import shutil
-import stat
 import subprocess
 import threading
 from collections.abc import Mapping
@@ -21,6 +20,7 @@ from typing import Any, Self
 from urllib.parse import urlsplit
 
 from tripod_doe.errors import InputError, option, printable
+from tripod_doe.files.regular_files import opened_regular
 from tripod_doe.http_opener import LOOPBACK, opener_for
 
 _SECONDS = 30.0  # for a command, and for an answer of a webhook
@@ -119,11 +119,11 @@ def _private_text(path: Path) -> str:
     """The first line of a file that others cannot read: an address may hold a secret."""
     named = option("notify", f"@{path}")
     try:
-        with path.open(encoding="utf-8") as stream:
+        with opened_regular(path, links=True) as stream:
             state = os.fstat(stream.fileno())
-            if not stat.S_ISREG(state.st_mode) or state.st_uid not in (os.geteuid(), 0) or state.st_mode & 0o077:
+            if state.st_uid not in (os.geteuid(), 0) or state.st_mode & 0o077:
                 raise InputError(f"{named}: other users can use this file; run: chmod go-rwx {path}")
-            lines = stream.read(_MOST_BYTES).split("\n")
+            lines = stream.read(_MOST_BYTES).decode().split("\n")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise InputError(f"{named}: cannot read this file: {reason}") from error

@@ -14,10 +14,12 @@ from tripod_doe.errors import InputError
 from tripod_doe.files.checksum_list import write_listed
 from tripod_doe.files.regular_files import open_locked, read_regular
 from tripod_doe.measurements.record_file import read_record
+from tripod_doe.notification import _private_text
 from tripod_doe.service.runs.processes import is_held, run_log, run_process, start_run
 from tripod_doe.service.runs.run_table import TABLE, RunTable
 from tripod_doe.service.server import _locked_folder
-from tripod_doe.service.settings import Settings
+from tripod_doe.service.settings import Settings, read_token
+from tripod_doe.study.execution.dask_existing_scheduler import ExistingScheduler, tls_files
 
 
 def test_files_up_to_a_size_are_read_and_links_only_where_the_user_names_them(tmp_path):
@@ -94,6 +96,22 @@ def test_a_table_of_runs_with_programs_is_refused(tmp_path, read_only, program):
         connection.executescript(program)
     with pytest.raises(InputError, match="it has views or triggers"):
         RunTable(tmp_path, read_only)
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        read_token,
+        _private_text,
+        lambda pipe: ExistingScheduler(file=pipe)._read_address(),
+        lambda pipe: tls_files(pipe, pipe, pipe).security(),
+    ],
+)
+def test_a_pipe_that_an_option_names_is_refused(tmp_path, read):
+    """Regression: `--token-file`, `--notify @FILE`, `--scheduler-file` and `--tls-key` waited for a writer."""
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="a pipe, but a file is needed"):
+        read(tmp_path / "pipe")
 
 
 def test_a_sparse_record_is_refused_by_its_size(tmp_path):

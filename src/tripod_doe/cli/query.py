@@ -41,13 +41,18 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from tripod_doe.files.atomic_files import replace_text
+    from tripod_doe.files.checksum_list import JOURNAL
     from tripod_doe.model_interface import Trust
     from tripod_doe.study.query.query import analyses_with, answer_format, records, records_text, unmet
-    from tripod_doe.study.result_directory.open_cube import opened_cube
+    from tripod_doe.study.result_directory.open_cube import FIT_FILE, opened_cube
 
     form = answer_format(options.format, options.output)
     if options.decimal_comma and form != "csv":
         raise InputError(f"--decimal-comma: the format is {form}; give --format csv")
+    own = (".", "cube.nc", "cost.nc", FIT_FILE, JOURNAL)
+    if options.output and options.output.resolve() in [(options.cube / name).resolve() for name in own]:
+        raise InputError(f"--output {options.output}: this file holds the results that are read; choose another name")
     if form == "netcdf":
         return _query_netcdf(options)
     if form == "xlsx" and options.output is None:
@@ -70,10 +75,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.output is None:
         print(text)
         return DONE
-    try:
-        options.output.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"--output {options.output}: cannot write: {error.strerror}") from error
+    replace_text(options.output, text + "\n")
     return DONE
 
 

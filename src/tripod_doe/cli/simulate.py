@@ -149,15 +149,16 @@ def _chosen(simulator: Simulator, names: Sequence[str] | None) -> list[str]:
 
 def _viewed(options: argparse.Namespace, given: dict[str, Any]) -> SimulatedPoint:
     """Simulate the point, and write its page if it finishes."""
+    from tripod_doe.files.atomic_files import replace_text
     from tripod_doe.model_interface import Outcome
-    from tripod_doe.motion_page.page import motion_page, viewed_point, write_page
+    from tripod_doe.motion_page.page import motion_page, viewed_point
 
     if options.scene != "joint":
         raise InputError(f"--view {options.view}: only the scene joint can be viewed, not {options.scene}")
     changes = against(options.against)
     points = [viewed_point(**each) for each in ([given, {**given, **changes}] if changes else [given])]
     if all(point.outcome is Outcome.FINISHED for point in points):
-        write_page(motion_page(*points), options.view, "--view")
+        replace_text(options.view, motion_page(*points))
     else:
         print(f"{options.view}: not written, since the point has no motion to show", file=sys.stderr)
     return points[0]

@@ -18,9 +18,9 @@ def _add_arguments(parser: Parser, arguments: Sequence[str]) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from tripod_doe.motion_page.page import write_page
+    from tripod_doe.files.atomic_files import replace_text
 
-    write_page(moved_points(options), options.output, "--output")
+    replace_text(options.output, moved_points(options))
     print(f"view    {options.output}", file=sys.stderr)
     return DONE
 

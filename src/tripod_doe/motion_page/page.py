@@ -8,7 +8,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -196,11 +195,3 @@ def _arrays(poses: Poses, outputs: Mapping[str, Any]) -> dict[str, FloatArray]:
 
 def _text(array: FloatArray) -> str:
     return base64.b64encode(np.ascontiguousarray(array, "<f4").tobytes()).decode()
-
-
-def write_page(page: str, file: Path, flag: str) -> None:
-    """Write a page to the file that an option names; InputError if it cannot be written."""
-    try:
-        file.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{flag} {file}: cannot write: {error.strerror}") from error

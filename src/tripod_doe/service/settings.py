@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tripod_doe.errors import InputError, option
+from tripod_doe.files.regular_files import opened_regular
 from tripod_doe.notification import Notifier
 from tripod_doe.service.limits import Limits
 
@@ -53,10 +54,8 @@ def read_token(path: Path) -> str:
     try:
         if not path.exists():
             _make_token(path)
-        with path.open(encoding="ascii") as stream:
+        with opened_regular(path, links=True) as stream:
             state = os.fstat(stream.fileno())
-            if not stat.S_ISREG(state.st_mode):
-                raise InputError(f"{named}: not a file")
             if state.st_uid not in (os.geteuid(), 0):
                 raise InputError(f"{named}: another user owns this file, and knows the token")
             if state.st_mode & 0o077:
@@ -64,7 +63,7 @@ def read_token(path: Path) -> str:
                     f"{named}: other users can use this file (mode {stat.S_IMODE(state.st_mode):04o}) and may know its "
                     f"token; delete it for a new one, or run: chmod go-rwx {path}"
                 )
-            token = stream.read(_LONGEST_TOKEN).strip()
+            token = stream.read(_LONGEST_TOKEN).decode("ascii").strip()
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not ASCII text"
         raise InputError(f"{named}: cannot use this file: {reason}") from error

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import SplitResult, urlsplit
 
 from tripod_doe.errors import InputError, TripodDoeError, option
+from tripod_doe.files.regular_files import read_regular, refuse_irregular
 from tripod_doe.number_text import duration
 
 if TYPE_CHECKING:  # Dask takes a second to import
@@ -44,6 +45,8 @@ class TlsFiles:
         for name, file in files.items():
             if file is not None and not os.access(file, os.R_OK):
                 raise InputError(f"{option(name, str(file))}: there is no such file, or it cannot be read")
+            if file is not None:
+                refuse_irregular(file)
         security = Security(
             require_encryption=True,
             tls_ca_file=str(self.ca_file),
@@ -111,7 +114,7 @@ class ExistingScheduler:
             address = str(self.address)
             return address if "://" in address else f"{_TCP}{address}"  # as Dask's own client reads it
         try:
-            return str(json.loads(self.file.read_text())["address"])
+            return str(json.loads(read_regular(self.file, links=True))["address"])
         except FileNotFoundError as error:
             raise InputError(f"{self}: there is no such file") from error
         except (OSError, ValueError, KeyError, TypeError) as error:
