@@ -471,6 +471,25 @@ def test_a_failed_workflow_says_what_its_studies_were_to_look_for(tmp_path):
     )
 
 
+def test_a_change_that_a_kill_interrupted_is_taken_back_for_readers(tmp_path):
+    """Regression: "attempt to write a readonly database", and no server with --read-only started."""
+    table = RunTable(tmp_path)
+    row = Run("0" * 16, "study", "n", "", State.FINISHED)
+    table.put(row)
+    table._connection.execute("PRAGMA cache_size = 1")
+    table._connection.executemany(
+        "INSERT INTO run VALUES (NULL, ?, ?, ?)", [(str(n), None, "x" * 999) for n in range(99)]
+    )
+    killed = tmp_path / "killed"
+    killed.mkdir()
+    for path in tmp_path.glob(f"{TABLE}*"):
+        shutil.copyfile(path, killed / path.name)
+    table.close()
+    reader = RunTable(killed, read_only=True)
+    assert reader.all() == [row]
+    reader.close()
+
+
 def test_a_flipped_bit_in_the_table_of_runs_is_told(tmp_path):
     """Regression: a text that was no UTF-8 kept the server from its start; another number of points was shown."""
     table = RunTable(tmp_path)

@@ -5,14 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import shutil
 import sqlite3
 import threading
 from collections.abc import Mapping
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime
 from enum import StrEnum
 from functools import cache, cached_property, partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, ClassVar
 
 from pydantic import ConfigDict, TypeAdapter
@@ -296,9 +299,22 @@ def _opened_for_reading(path: Path) -> sqlite3.Connection:
         connection.executescript(_SCHEMA)
         return connection
     address = f"{path.absolute().as_uri()}?mode=ro"
-    connection = _without_programs(sqlite3.connect(address, uri=True, check_same_thread=False))
-    connection.execute("SELECT count(*) FROM run").fetchone()
-    return connection
+    try:
+        return _without_programs(sqlite3.connect(address, uri=True, check_same_thread=False))
+    except sqlite3.OperationalError:  # a kill has left a change in its journal, which only a writer can take back
+        return _without_programs(_recovered(path))
+
+
+def _recovered(path: Path) -> sqlite3.Connection:
+    """A copy of a table in memory, without the change that a kill has interrupted."""
+    copy = sqlite3.connect(":memory:", check_same_thread=False)
+    with TemporaryDirectory(prefix="tripod-doe-") as folder:
+        for ending in ("", "-journal", "-wal"):
+            with suppress(FileNotFoundError):
+                shutil.copyfile(f"{path}{ending}", Path(folder) / f"{path.name}{ending}")
+        with closing(sqlite3.connect(Path(folder) / path.name)) as whole:
+            whole.backup(copy)
+    return copy
 
 
 def _to_text(run: Run) -> str:
