@@ -5,15 +5,15 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from tripod_doe.service.limits import MEANINGS, Limits
+from tripod_doe.service.limits import Limits
 
 TEXT = (Path(__file__).parent.parent.parent / "docs" / "reference" / "service.md").read_text()
 
 
 def test_every_limit_is_told_with_its_value():
     rows = re.findall(r"^\| `(\w+)` \| ([\d,]+) \| (.*) \|$", TEXT, re.MULTILINE)
-    assert {name: int(value.replace(",", "")) for name, value, _ in rows} == vars(Limits())
-    assert {name: meaning for name, _, meaning in rows} == MEANINGS
+    described = [(each["name"], each["value"], each["meaning"]) for each in Limits().described()]
+    assert [(name, int(value.replace(",", "")), meaning) for name, value, meaning in rows] == described
 
 
 def test_every_status_is_told(api):

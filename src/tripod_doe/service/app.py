@@ -15,7 +15,7 @@ from starlette.responses import Response
 from tripod_doe.errors import InputError, StorageError
 from tripod_doe.service.page import asset_files, help, run_pages, study_editor
 from tripod_doe.service.page.error_pages import refusal_answer
-from tripod_doe.service.problems import SERVER_ENDS, RefusedError, form_problem, refusal_of
+from tripod_doe.service.problems import RefusedError, form_problem, refusal_of
 from tripod_doe.service.routes import reports, results, runs, share_links, studies, views
 from tripod_doe.service.routes.dependencies import refuse_unread
 from tripod_doe.service.security.guard import API, Guard
@@ -23,7 +23,7 @@ from tripod_doe.service.security.sessions import Sessions
 from tripod_doe.service.security.tokens import Accesses
 from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
-from tripod_doe.service.workers.worker_pool import AllBusyError, ServerEndsError, WorkerFailedError
+from tripod_doe.service.workers.worker_pool import WorkerFailedError
 
 log = logging.getLogger(__name__)
 
@@ -88,13 +88,10 @@ def _add_error_answers(app: FastAPI) -> None:
         log.error("%s %s: %s", request.method, request.url.path, error, exc_info=known)
         return answer(request, RefusedError(500, "internal error; see the standard error of the server"))
 
-    for kind in (RefusedError, InputError, RequestValidationError, HTTPException, *_UNAVAILABLE):
+    for kind in (RefusedError, InputError, RequestValidationError, HTTPException, StorageError):
         app.add_exception_handler(kind, refused)
     app.add_exception_handler(WorkerFailedError, failed)
     app.add_exception_handler(Exception, failed)
-
-
-_UNAVAILABLE = (StorageError, AllBusyError, ServerEndsError)
 
 
 def _refusal(error: Exception) -> RefusedError:
@@ -108,9 +105,4 @@ def _refusal(error: Exception) -> RefusedError:
             return RefusedError(422, *(form_problem(item) for item in error.errors()[:_MOST_PROBLEMS]))
         case HTTPException():
             return RefusedError(error.status_code, str(error.detail), headers=dict(error.headers or {}))
-        case AllBusyError():
-            message = f"{str(error) or 'all workers are busy'}: try again in a moment"
-            return RefusedError(503, message, headers={"retry-after": "5"})
-        case ServerEndsError():
-            return RefusedError(503, SERVER_ENDS)
     return RefusedError(503, str(error))

@@ -30,7 +30,7 @@ from tripod_doe.service.security.delivered_files import is_open_to_change
 from tripod_doe.service.service import Service
 from tripod_doe.service.settings import Settings
 from tripod_doe.service.workers.forking import end_fork_server
-from tripod_doe.service.workers.worker_pool import AllBusyError, ServerEndsError, WorkerFailedError
+from tripod_doe.service.workers.worker_pool import WorkerFailedError
 
 _GRACE = 3  # seconds for open answers at the end
 _QUESTION_GRACE = 1.5  # seconds for questions; then there is time left to tell their clients that the server ends
@@ -194,8 +194,8 @@ def add_demo(service: Service) -> None:
     print(f"tripod-doe: running the study {name!r} for the first look", file=sys.stderr)
     try:
         run = service.submit(json.dumps({"study": text}).encode())
-    except (TripodDoeError, AllBusyError, WorkerFailedError, ServerEndsError, RefusedError) as error:
-        print(f"tripod-doe: it cannot run now: {error or 'all workers are busy'}", file=sys.stderr)
+    except (TripodDoeError, WorkerFailedError, RefusedError) as error:
+        print(f"tripod-doe: it cannot run now: {error}", file=sys.stderr)
         return
     with Progress(run.counts.total, shown=True) as progress:
         while not run.state.at_rest:

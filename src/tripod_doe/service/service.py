@@ -11,6 +11,8 @@ from copy import copy
 from pathlib import Path
 from typing import Any, cast
 
+from pydantic import BaseModel
+
 from tripod_doe.errors import StorageError, near_match, printable
 from tripod_doe.files.atomic_files import remove_tree
 from tripod_doe.files.regular_files import read_regular
@@ -26,13 +28,7 @@ from tripod_doe.service.runs.supervisor import Supervisor
 from tripod_doe.service.security.delivered_files import check_delivered
 from tripod_doe.service.security.share_links import Shares
 from tripod_doe.service.settings import Settings
-from tripod_doe.service.workers.worker_pool import (
-    AllBusyError,
-    LateError,
-    ServerEndsError,
-    WorkerFailedError,
-    WorkerPool,
-)
+from tripod_doe.service.workers.worker_pool import LateError, WorkerFailedError, WorkerPool
 from tripod_doe.study.cube.file_checks import analysis_files
 
 log = logging.getLogger(__name__)
@@ -180,11 +176,13 @@ class Service:
         except OSError as error:
             raise StorageError(f"{folder}: cannot write here: {error.strerror}") from error
 
-    def compute(self, question: str, body: bytes, as_json: bool = False) -> Any:
-        """Ask a question of `workers.answers` that may take the time of a simulated point."""
-        limits = self.settings.limits
-        place = f"{_QUESTIONS}:{question}"
-        return self._computing.ask(place, limits.simulate_seconds, as_json, self.left, body=body, limits=limits)
+    def fields_of(self, body: bytes, form: type[BaseModel]) -> tuple[bytes, type[BaseModel], int]:
+        """The argument ``fields`` of a question: the worker passes the fields of a body as arguments."""
+        return body, form, self.settings.limits.nesting
+
+    def compute(self, question: str, as_json: bool = False, **arguments: Any) -> Any:
+        """Ask a question that may take the time of a simulated point."""
+        return self._computing.ask(question, self.settings.limits.simulate_seconds, as_json, self.left, **arguments)
 
     def simulate_again(self, place: str, **arguments: Any) -> Any:
         """Ask a question about a point of a result directory that simulates it again.
@@ -194,8 +192,7 @@ class Service:
         """
         if not self.computes:
             raise RefusedError(403, "this server or this token only reads, and a point in motion is simulated again")
-        seconds = self.settings.limits.simulate_seconds
-        return self._computing.ask(place, seconds, False, self.left, **arguments)
+        return self.compute(place, **arguments)
 
     def ask(self, question: str, as_json: bool = False, **arguments: Any) -> Any:
         """Ask a question that a worker answers within the time of a query; see `WorkerPool.ask`.
@@ -235,7 +232,7 @@ class Service:
         try:
             path = str(self.directory(run.id))
             extremes: dict[str, Any] | None = self.ask("explorer.answers:extremes", path=path, order=order)
-        except (RefusedError, AllBusyError, ServerEndsError, WorkerFailedError):  # without this order, or about to go
+        except (RefusedError, WorkerFailedError):  # without this order, or about to go
             return None
         return extremes
 
@@ -364,9 +361,7 @@ class Service:
         """
         path = self._extended(run_id)
         arguments: dict[str, Any] = {"limits": self.settings.limits, "texts": self.submitted_texts(run_id)}
-        seconds = self.settings.limits.simulate_seconds
-        place = f"{_QUESTIONS}:plan_extension"
-        return self._computing.ask(place, seconds, as_json, self.left, body=body, path=path, **arguments)
+        return self.compute(f"{_QUESTIONS}:plan_extension", as_json, body=body, path=path, **arguments)
 
     def directory(self, run_id: str, part: str = "") -> Path:
         """The directory of a run, for delivery of a part of it; see `check_delivered`.

@@ -371,7 +371,7 @@ def test_two_readers_who_hold_all_workers_make_room_for_a_third(pool, monkeypatc
         body = b'{"study": "", "timing": false}'
         question = {"question": "workers.answers:wants_timing", "body": body, "limits": Limits()}
         assert shared.ask(seconds=60, reader="c", **question) is False
-        assert heard == ["import module: ended after 0.5 s, since others wait"]
+        assert heard == ["503: import module: ended after 0.5 s, since others wait: try again in a moment"]
         assert sorted(thread.is_alive() for thread in greedy) == [False, True]  # the other one goes on
     finally:
         ended.set()

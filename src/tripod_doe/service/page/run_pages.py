@@ -11,6 +11,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.service import questions
 from tripod_doe.service.page.rendering import part, show
 from tripod_doe.service.problems import RefusedError, among_runs
+from tripod_doe.service.requests.forms import Comparison, PointRequest, Table
 from tripod_doe.service.routes.dependencies import AnyService, AskedRuns, Body, PageNumber
 from tripod_doe.service.runs.listing import (
     SORTS,
@@ -187,14 +188,14 @@ def parameters(scene: str, service: AnyService) -> HTMLResponse:
 @router.post("/parts/price-of-point")
 def price_of_point(body: Body, service: AnyService) -> dict[str, str]:
     """The price of one point in words, before it is simulated."""
-    price = service.ask_body("price_of_point", body)
+    price = service.ask("explorer.what_if:price_of_point", fields=service.fields_of(body, PointRequest))
     return {"text": part("price_of_point.txt", **price)}
 
 
 @router.post("/parts/simulate")
 def simulate(body: Body, service: AnyService) -> dict[str, Any]:
     """One point simulated, in words and figures."""
-    answer = service.compute("simulated", body)
+    answer = service.compute("explorer.what_if:simulated", fields=service.fields_of(body, PointRequest))
     return {"text": part("simulated.txt", **answer), "figures": answer["figures"]}
 
 
@@ -313,14 +314,16 @@ def compare(service: AnyService, run: str = "") -> HTMLResponse:
 @router.post("/parts/runs/{run_id}/compare")
 def lay_over(run_id: str, body: Body, service: AnyService) -> dict[str, Any]:
     """A measurement compared with a point, in words and figures."""
-    found = service.ask_body("lay_over", body, path=str(service.results(run_id)))
+    path, fields = str(service.results(run_id)), service.fields_of(body, Comparison)
+    found = service.ask("explorer.uploaded_measurement:lay_over", path=path, fields=fields)
     return {"html": part("laid_over.html", **found), "figures": found["figures"], "third": found["third"]}
 
 
 @router.post("/parts/compare/preview")
 def preview(body: Body, service: AnyService) -> dict[str, Any]:
     """Headings and first rows of a measurement."""
-    found: dict[str, Any] = service.ask_body("preview", body)
+    question = "explorer.uploaded_measurement:preview"
+    found: dict[str, Any] = service.ask(question, fields=service.fields_of(body, Table))
     return found
 
 

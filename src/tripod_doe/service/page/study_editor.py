@@ -1,17 +1,18 @@
 """Addresses for writing a study: text and form side by side, the price, and studies to start from."""
 
-import json
-
 from fastapi import APIRouter
 from starlette.responses import HTMLResponse
 
 from tripod_doe.service.page.rendering import part, show
+from tripod_doe.service.requests.forms import FieldChange, StudyText
 from tripod_doe.service.requests.gallery import gallery, gallery_upload, study_of_joint
 from tripod_doe.service.requests.uploads import main_file
 from tripod_doe.service.routes.dependencies import Body, WritingService
 from tripod_doe.study.definition.toml_text import parse_toml
 
 router = APIRouter(include_in_schema=False)
+
+_FORM = "requests.study_form:study_form"
 
 
 @router.get("/new")
@@ -39,7 +40,7 @@ def new(
     else:
         upload = service.upload_of(origin) if origin else gallery_upload(study or "template-grid")
     text = str(next(text for kind, text in upload.items() if kind != "files"))
-    form = service.ask_body("study_form", json.dumps({"study": text}).encode()) if "study" in upload else None
+    form = service.ask(_FORM, study=text) if "study" in upload else None
     return show(
         "new.html",
         service.settings,
@@ -58,7 +59,7 @@ def extend(run_id: str, service: WritingService) -> HTMLResponse:
     """Write a larger version of a run's study, with the price of the new points."""
     run = service.runs.refuse_extension(run_id)
     upload = service.upload_of(run_id)
-    form = service.ask_body("study_form", json.dumps({"study": upload["study"]}).encode())
+    form = service.ask(_FORM, study=upload["study"])
     values = {"text": upload["study"], "form": form, "files": upload["files"]}
     return show("new.html", service.settings, gallery=[], chosen=run_id, extended=run, **values)
 
@@ -66,13 +67,13 @@ def extend(run_id: str, service: WritingService) -> HTMLResponse:
 @router.post("/parts/form")
 def form(body: Body, service: WritingService) -> HTMLResponse:
     """The form of a text."""
-    return HTMLResponse(part("study_form.html", form=service.ask_body("study_form", body)))
+    return HTMLResponse(part("study_form.html", form=service.ask(_FORM, fields=service.fields_of(body, StudyText))))
 
 
 @router.post("/parts/change")
 def change(body: Body, service: WritingService) -> dict[str, str]:
     """The text after a field was changed."""
-    return {"study": service.ask_body("changed_text", body)}
+    return {"study": service.ask("requests.study_form:changed_text", fields=service.fields_of(body, FieldChange))}
 
 
 @router.post("/parts/runs/{run_id}/price")

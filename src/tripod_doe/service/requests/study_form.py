@@ -26,7 +26,7 @@ _MOST_VALUES = 1_000  # of a field: the time to write them grows with the square
 _RANGE_KEYS = {"low", "high", "count", "scale"}
 
 
-def study_form(text: str) -> Any:
+def study_form(study: str) -> Any:
     """The fields of a form for a study file.
 
     Returns:
@@ -36,8 +36,8 @@ def study_form(text: str) -> Any:
     Raises:
         InputError: If the text is no TOML.
     """
-    study = parse_toml(text, "study.toml")
-    head, base, factors, design = (_table(study, name) for name in ("study", "base", "factors", "design"))
+    tables = parse_toml(study, "study.toml")
+    head, base, factors, design = (_table(tables, name) for name in ("study", "base", "factors", "design"))
     scene = str(head.get("scene", "joint"))
     known = load_simulator(scene).parameters.values() if scene in SCENES else ()
     groups: dict[str, list[Parameter]] = {}
@@ -89,7 +89,7 @@ def _factor_text(factor: Mapping[str, Any]) -> str | None:
     return None
 
 
-def changed_text(text: str, key: str, value: str) -> Any:
+def changed_text(study: str, key: str, value: str) -> Any:
     """The text of a study file after one field was changed.
 
     Args:
@@ -98,9 +98,9 @@ def changed_text(text: str, key: str, value: str) -> Any:
     Raises:
         InputError: If the text is no TOML, or the field cannot be read.
     """
-    parse_toml(text, "study.toml")
+    parse_toml(study, "study.toml")
     try:
-        document = tomlkit.parse(text)
+        document = tomlkit.parse(study)
         table, _, name = key.partition(".")
         if table == "parameter":
             _set_parameter(document, name, value.strip())

@@ -115,8 +115,9 @@ def base(
 @router.post("/compare", responses=CHANGES, response_model=dict[str, Any], openapi_extra=takes(Comparison))
 def compare(run_id: str, body: Body, service: AnyService, step: Step = None) -> Response:
     """A measurement next to a point of the cube: the object of `tripod-doe compare --format json`."""
-    path = str(service.results(run_id, step))
-    return Response(service.ask_body("compare", body, as_json=True, path=path), media_type=_TYPES["json"])
+    path, fields = str(service.results(run_id, step)), service.fields_of(body, Comparison)
+    answer = service.ask("explorer.uploaded_measurement:compare_upload", as_json=True, path=path, fields=fields)
+    return Response(answer, media_type=_TYPES["json"])
 
 
 @router.get("/analysis/{name}.nc", response_class=Response, responses=gives(_TYPES["netcdf"]))

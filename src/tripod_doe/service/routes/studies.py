@@ -51,4 +51,5 @@ def plan(body: Body, service: AnyService) -> Response:
 @router.post("/simulate", responses=CHANGES, response_model=dict[str, Any], openapi_extra=takes(None))
 def simulate(body: Body, service: AnyService) -> Response:
     """One point by its parameters, with ``scene`` for another scene than the joint: as `simulate --format json`."""
-    return Response(service.compute("simulate", body, as_json=True), media_type="application/json")
+    asked: dict[str, Any] = {"body": body, "limits": service.settings.limits}
+    return Response(service.compute("workers.answers:simulate", as_json=True, **asked), media_type="application/json")

@@ -14,18 +14,7 @@ from tripod_doe.errors import InputError, TooLargeError, option
 from tripod_doe.service.limits import Limits
 from tripod_doe.service.problems import RefusedError, problems_of, refusal_of
 from tripod_doe.service.requests.bodies import read_form, read_json
-from tripod_doe.service.requests.forms import (
-    Comparison,
-    Derivation,
-    ExtensionPlan,
-    FieldChange,
-    PlanRequest,
-    PointRequest,
-    RunChange,
-    StudyText,
-    Submission,
-    Table,
-)
+from tripod_doe.service.requests.forms import Derivation, ExtensionPlan, PlanRequest, RunChange, Submission
 from tripod_doe.service.requests.uploads import (
     KINDS,
     STUDY,
@@ -335,13 +324,6 @@ def base(path: str, kind: str, candidate: int | None) -> str:
         raise RefusedError(404, str(error)) from error
 
 
-def compare(path: str, body: bytes, limits: Limits) -> Any:
-    """A measurement next to a point of a cube, as ``compare --format json`` gives it."""
-    from tripod_doe.service.explorer.uploaded_measurement import compare_upload
-
-    return compare_upload(path, **read_form(body, Comparison, limits.nesting).model_dump())
-
-
 def choice(folder: str, path: str) -> Any:
     """Lines on the choice of model of a study with model = "auto", or on the split of a multifidelity study."""
     from tripod_doe.analyses.model_choice.study_choice import describe_choice
@@ -351,54 +333,6 @@ def choice(folder: str, path: str) -> Any:
     place = Path(folder) / STUDY
     study = load_study(place, StudyFolder(place.resolve().parent, trusted=False, has_results=True))
     return describe_choice(study, Path(path)).splitlines() if study.auto_model else describe_split(study, Path(path))
-
-
-def study_form(body: bytes, limits: Limits) -> Any:
-    """The form fields of a submitted study file."""
-    from tripod_doe.service.requests.study_form import study_form
-
-    text = read_form(body, StudyText, limits.nesting).study
-    with _pointing_into({STUDY: text}):
-        return study_form(text)
-
-
-def changed_text(body: bytes, limits: Limits) -> Any:
-    """The text of a study file after one field of its form was changed."""
-    from tripod_doe.service.requests.study_form import changed_text
-
-    change = read_form(body, FieldChange, limits.nesting)
-    with _pointing_into({STUDY: change.study}):
-        return changed_text(change.study, change.key, change.value)
-
-
-def price_of_point(body: bytes, limits: Limits) -> Any:
-    """What one point will cost, before it is simulated."""
-    from tripod_doe.service.explorer.what_if import price_of_point
-
-    point = read_form(body, PointRequest, limits.nesting)
-    return price_of_point(point.scene, point.parameters)
-
-
-def simulated(body: bytes, limits: Limits) -> Any:
-    """One point simulated, with figures of all its outputs."""
-    from tripod_doe.service.explorer.what_if import simulated
-
-    point = read_form(body, PointRequest, limits.nesting)
-    return simulated(point.scene, point.parameters)
-
-
-def lay_over(path: str, body: bytes, limits: Limits) -> Any:
-    """A measurement compared with a point of a cube, in words and figures."""
-    from tripod_doe.service.explorer.uploaded_measurement import lay_over
-
-    return lay_over(path, **read_form(body, Comparison, limits.nesting).model_dump())
-
-
-def preview(body: bytes, limits: Limits) -> Any:
-    """Headings and first rows of an uploaded measurement, and the column assigned to each heading."""
-    from tripod_doe.service.explorer.uploaded_measurement import preview
-
-    return preview(read_form(body, Table, limits.nesting).measurement)
 
 
 def _news(folder: Path, path: Path, timing: bool) -> dict[str, Any]:

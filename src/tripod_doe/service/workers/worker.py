@@ -21,6 +21,8 @@ from typing import Any
 
 from tripod_doe.errors import InputError, StorageError, TripodDoeError
 from tripod_doe.service.problems import Problem, RefusedError, refusal_of
+from tripod_doe.service.requests.bodies import read_form
+from tripod_doe.service.requests.uploads import STUDY
 from tripod_doe.service.workers.forking import lead_group, limit_memory
 from tripod_doe.study.result_directory.open_cube import NoResultsError
 
@@ -52,6 +54,8 @@ def serve(connection: Connection[Any, Any], memory_bytes: int) -> None:
 def _reply(place: str, arguments: dict[str, Any], as_json: bool) -> Reply:
     try:
         module, _, name = place.partition(":")
+        if fields := arguments.pop("fields", None):  # of a body: as arguments of their own
+            arguments |= read_form(*fields).model_dump()
         answer = getattr(import_module(f"tripod_doe.service.{module}"), name)(**arguments)
         return "answer", json.dumps(answer, allow_nan=False).encode() if as_json else answer
     except RefusedError as error:
@@ -59,7 +63,7 @@ def _reply(place: str, arguments: dict[str, Any], as_json: bool) -> Reply:
     except NoResultsError:  # its advice is for the command line
         return _refused(RefusedError(404, "nothing has finished here yet"))
     except InputError as error:
-        return _refused(refusal_of(error, {}))
+        return _refused(refusal_of(error, {STUDY: arguments["study"]} if "study" in arguments else {}))
     except (MemoryError, RecursionError) as error:
         what = "memory" if isinstance(error, MemoryError) else "depth"
         return "refused", (413, [Problem(message=f"the answer needs more {what} than is allowed here")])

@@ -20,7 +20,7 @@ from typing import Any
 
 from tripod_doe.errors import StorageError
 from tripod_doe.service.limits import Limits
-from tripod_doe.service.problems import RefusedError
+from tripod_doe.service.problems import SERVER_ENDS, RefusedError
 from tripod_doe.service.workers.forking import context, start_process
 from tripod_doe.service.workers.worker import serve
 
@@ -34,8 +34,11 @@ _GRACE = 2.0  # seconds for an answer whose client has left: a new process that 
 log = logging.getLogger(__name__)
 
 
-class AllBusyError(Exception):
-    """All workers stayed busy, too many questions wait for them, or the system starts no process now."""
+class AllBusyError(RefusedError):
+    """All workers stayed busy, too many questions wait for them, or the system starts no process now (503)."""
+
+    def __init__(self, reason: str = "all workers are busy") -> None:
+        super().__init__(503, f"{reason}: try again in a moment", headers={"retry-after": "5"})
 
 
 class LateError(RefusedError):
@@ -53,8 +56,11 @@ class WorkerFailedError(Exception):
     """A worker failed for a reason that is not the client's."""
 
 
-class ServerEndsError(Exception):
-    """The server ends before the answer is ready."""
+class ServerEndsError(RefusedError):
+    """The server ends before the answer is ready (503)."""
+
+    def __init__(self) -> None:
+        super().__init__(503, SERVER_ENDS)
 
 
 class WorkerPool:

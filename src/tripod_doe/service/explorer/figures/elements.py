@@ -136,6 +136,34 @@ def blank_reasons(data: xr.Dataset) -> NDArray[np.object_]:
     return texts
 
 
+FOOT_AXIS = {"overlaying": "y", "range": [0, 1], "visible": False, "fixedrange": True}
+"""The axis of marks at the foot of a figure."""
+
+
+def blank_marks(
+    x: NDArray[Any], y: NDArray[Any], texts: list[str], numbers: NDArray[Any], failed: bool, size: int = 8
+) -> Figure:
+    """Marks of cells without a number: crosses for failed ones, rings for those still to come, with their reasons."""
+    symbol, colour = ("x-thin", FAILED_COLOUR) if failed else ("circle-open", WAITING_COLOUR)
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "showlegend": False,
+        "x": packed(x),
+        "y": packed(y),
+        "text": texts,
+        "customdata": packed(numbers),
+        "marker": {"symbol": symbol, "size": size, "color": colour, "line": {"width": 2, "color": colour}},
+        "hovertemplate": "%{text}<extra></extra>",
+    }
+
+
+def foot_marks(x: NDArray[Any], texts: list[str], numbers: NDArray[Any], failed: bool) -> Figure:
+    """The same at the foot of a figure with `FOOT_AXIS`."""
+    marks = blank_marks(x, np.full(len(texts), 0.02), texts, numbers, failed)
+    return marks | {"yaxis": "y2", "cliponaxis": False, "hovertemplate": "%{x}: %{text}<extra></extra>"}
+
+
 def point_numbers(data: xr.Dataset) -> xr.DataArray:
     """Numbers of the points or cells, of a Dataset that is `numbered`."""
     return data[NUMBER].astype(np.int32)

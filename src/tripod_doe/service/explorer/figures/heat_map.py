@@ -14,6 +14,7 @@ from tripod_doe.service.explorer.figures.elements import (
     WAITING_COLOUR,
     Figure,
     axis,
+    blank_marks,
     blank_reasons,
     colour_bar,
     edges,
@@ -125,19 +126,9 @@ def _blanks(data: xr.Dataset, x: tuple[FloatArray, bool], y: tuple[FloatArray, b
     for rows, shape, colour in kinds:
         if rows.any():
             up, across = np.nonzero(rows)
-            few, line = slice(None, _MOST_CROSSES), {"width": 1.5, "color": colour}
-            symbol, size = "x-thin" if shape == "/" else "circle-open", 5 if up.size > 200 else 8
-            marks = {
-                "type": "scatter",
-                "mode": "markers",
-                "showlegend": False,
-                "x": packed(x[0][across][few]),
-                "y": packed(y[0][up][few]),
-                "text": reasons[rows].tolist()[few],
-                "customdata": packed(numbers[rows][few]),
-                "marker": {"symbol": symbol, "size": size, "color": colour, "line": line},
-                "hovertemplate": "%{text}<extra></extra>",
-            }
+            few, size = slice(None, _MOST_CROSSES), 5 if up.size > 200 else 8
+            reason, number = reasons[rows].tolist()[few], numbers[rows][few]
+            marks = blank_marks(x[0][across][few], y[0][up][few], reason, number, shape == "/", size)
             traces += [_hatching(edges(*x), edges(*y), across, up, shape, colour), marks]
     return traces
 

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from tripod_doe.model_interface import ZERO_AT
 from tripod_doe.service.explorer.figures.elements import (
-    FAILED_COLOUR,
+    FOOT_AXIS,
     NUMBER,
-    WAITING_COLOUR,
     Figure,
     axis,
     blank_reasons,
     colour_bar,
+    foot_marks,
     is_failed,
     label_of,
     level_texts,
@@ -51,7 +51,7 @@ def lines(data: xr.Dataset, x: str, series: str | None = None) -> Figure:
     layout: dict[str, Any] = {
         "xaxis": axis(data[x]) | _turns(data[x]),
         "yaxis": {"title": {"text": label_of(variable)}, "automargin": True},
-        "yaxis2": {"overlaying": "y", "range": [0, 1], "visible": False, "fixedrange": True},
+        "yaxis2": FOOT_AXIS,
         "showlegend": 1 < len(rows) <= _NAMED,
         "legend": {"title": {"text": label_of(data[series])} if numeric else {}},
     }
@@ -107,10 +107,7 @@ def _marks(rows: list[xr.Dataset], x: str, names: list[str]) -> list[dict[str, A
     failed = np.stack([is_failed(row).values for row in rows])
     numbers = np.stack([point_numbers(row).values for row in rows])
     marks = []
-    for blank, symbol, colour in (
-        (failed, "x-thin", FAILED_COLOUR),
-        ((reasons != "") & ~failed, "circle-open", WAITING_COLOUR),
-    ):
+    for blank, are_failed in ((failed, True), ((reasons != "") & ~failed, False)):
         at = np.flatnonzero(blank.any(axis=0))
         if not at.size:
             continue
@@ -121,21 +118,7 @@ def _marks(rows: list[xr.Dataset], x: str, names: list[str]) -> list[dict[str, A
             + (f"<br>and {n - 1} more" if n > 1 else "")
             for line, place, n in zip(first.tolist(), at.tolist(), count.tolist(), strict=True)
         ]
-        marks.append(
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "yaxis": "y2",
-                "showlegend": False,
-                "cliponaxis": False,
-                "x": packed(rows[0][x].values[at]),
-                "y": [0.02] * at.size,
-                "text": texts,
-                "customdata": packed(numbers[first, at]),
-                "hovertemplate": "%{x}: %{text}<extra></extra>",
-                "marker": {"symbol": symbol, "size": 9, "color": colour, "line": {"width": 2, "color": colour}},
-            }
-        )
+        marks.append(foot_marks(rows[0][x].values[at], texts, numbers[first, at], are_failed))
     return marks
 
 

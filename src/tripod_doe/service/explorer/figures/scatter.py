@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 
 from tripod_doe.array_types import FloatArray
 from tripod_doe.service.explorer.figures.elements import (
-    FAILED_COLOUR,
+    FOOT_AXIS,
     NUMBER,
     SEQUENTIAL,
     Figure,
     axis,
     blank_reasons,
     colour_bar,
+    foot_marks,
     is_failed,
     label_of,
     packed,
@@ -42,7 +43,7 @@ def scatter(data: xr.Dataset, x: str, colour: str | None = None) -> Figure:
     layout = {
         "xaxis": axis(data[x]),
         "yaxis": {"title": {"text": label_of(variable)}, "automargin": True},
-        "yaxis2": {"overlaying": "y", "range": [0, 1], "visible": False, "fixedrange": True},
+        "yaxis2": FOOT_AXIS,
         "showlegend": False,
     }
     if int(known.sum()) > _MOST and places.dtype.kind in "fiu":
@@ -110,22 +111,6 @@ def _crosses(data: xr.Dataset, places: NDArray[Any]) -> list[dict[str, Any]]:
     failed = is_failed(data).values.ravel()
     if not failed.any():
         return []
-    return [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "yaxis": "y2",
-            "cliponaxis": False,
-            "x": packed(places[failed][:_MOST]),
-            "y": [0.02] * min(int(failed.sum()), _MOST),
-            "text": blank_reasons(data).ravel()[failed].tolist()[:_MOST],
-            "customdata": packed(point_numbers(data).values.ravel()[failed][:_MOST]),
-            "hovertemplate": "%{x}: %{text}<extra></extra>",
-            "marker": {
-                "symbol": "x-thin",
-                "size": 8,
-                "color": FAILED_COLOUR,
-                "line": {"width": 2, "color": FAILED_COLOUR},
-            },
-        }
-    ]
+    few, numbers = slice(None, _MOST), point_numbers(data).values.ravel()
+    reasons = blank_reasons(data).ravel()[failed].tolist()
+    return [foot_marks(places[failed][few], reasons[few], numbers[failed][few], failed=True)]
