@@ -394,6 +394,32 @@ def test_the_option_of_a_message_can_be_typed(read):
     assert read(f"{heading},rotation_deg\n1.25,0.5\n-2,1.5\n", {role: named}).columns["thrust_n"][0] == 1250
 
 
+@pytest.mark.parametrize(
+    "headings",
+    ["Generated axial force 2 [N],Axial force 1 [N]", "CH1 axial force [N],Force [N]", "Axial force 1,Axial force 2"],
+)
+def test_of_two_columns_that_may_be_the_force_none_is_chosen(read, headings):
+    """Regression: the one whose heading shared more letters with a name was taken."""
+    with pytest.raises(InputError, match="may be thrust_n: choose one"):
+        read(f"{headings},rotation_deg\n2.5,1.25,0.5\n-4,-2,1.5\n")
+
+
+@pytest.mark.parametrize("heading", ["Axial force trigger", "Thrust at torque [N]", "Axial force target [N]"])
+def test_a_heading_that_names_two_quantities_is_none_of_them(read, heading):
+    """Regression: that of the longer word was taken, a trigger for the force."""
+    assert read(f"{heading},CH3,rotation_deg\n2.5,1.25,0.5\n-4,-2,1.5\n").columns.keys() == {"rotation_deg"}
+
+
+@pytest.mark.parametrize("heading", ["n", "N", "M", "last", "theta [deg]"])
+def test_a_short_name_without_its_unit_is_no_operating_point(read, heading):
+    """Regression: the number of the sample was the speed, the rotation the joint angle."""
+    assert read(f"{heading},thrust_n,rotation_deg\n1,1.25,0.5\n2,-2,1.5\n").columns.keys() == {
+        "thrust_n",
+        "rotation_deg",
+    }
+    assert "speed_rpm" in read("n [1/min],thrust_n,rotation_deg\n600,1.25,0.5\n600,-2,1.5\n").columns
+
+
 @pytest.mark.parametrize("heading", ["Axial force RMS [N]", "Axial force setpoint [N]", "Max axial force (N)"])
 def test_a_column_that_is_no_signal_is_not_taken_for_it(read, heading):
     """Regression: the setpoint was the thrust where the sensor had another name."""

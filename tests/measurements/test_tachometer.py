@@ -132,3 +132,12 @@ def test_pulses_that_come_faster_than_they_are_sampled_are_named_as_such():
     time = np.arange(13000) / 5000
     with pytest.raises(InputError, match="irregular, one about every 3 samples"):
         find_pulses(time, (time * 5000 / 2.6 % 1 < 0.4).astype(float))
+
+
+def test_a_column_of_speeds_is_no_tachometer(tmp_path):
+    """Regression: of a speed that jumps between two values, each jump was a pulse, and the third order 0.1 N for 20 N."""
+    time = np.arange(0, 2, 1e-3)
+    rows = np.column_stack([time, 20 * np.cos(2 * np.pi * 15 * time), np.where(time % 0.4 < 0.2, 200, 400)])
+    np.savetxt(tmp_path / "steps.csv", rows, "%.6f", ",", header="Time [s],Axial force [N],Speed [rpm]", comments="")
+    with pytest.raises(InputError, match="no column tacho"):
+        read_measurement(tmp_path / "steps.csv")

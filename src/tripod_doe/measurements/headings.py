@@ -79,7 +79,7 @@ ROLES = {
     "joint_angle_deg": Role(
         ("joint angle", "articulation angle", "bending angle", "operating angle", "beugewinkel", "gelenkwinkel",
          "knickwinkel", "angle de brisure", "angulo de articulacion", "angolo di snodo", "deflection angle"),
-        ("articulation", "theta", "beta"),
+        ("articulation",),
         _ANGLE,
     ),
     "torque_n_m": Role(
@@ -96,20 +96,22 @@ ROLES = {
 }  # fmt: skip
 """Roles of columns by our names; the last three give the operating point, which may be stated elsewhere."""
 
+_PHRASES = sorted(((-len(phrase), phrase, name) for name, role in ROLES.items() for phrase in role.telling))
+
 OPERATING = ("joint_angle_deg", "torque_n_m", "speed_rpm")
 """Roles of optional columns."""
 
 _LEVELS = {"v", "mv", "ttl"}
 """Units of a tachometer's signal, even if its heading says speed."""
 
-_OWN, _TELLING, _WITHIN, _PLAIN = range(4)  # how well a heading names a role
+_OWN, _NAMED, _LIKELY = range(3)  # how well a heading names a role
 _COMPOUND = 7  # least letters of a name recognised within a longer word, as in Antriebsdrehmoment
 _OPENING = {"]": "[", ">": "<", ")": "("}
 _PIECES, _LONGEST_UNIT = 4, 15  # of a unit within a heading: pieces, as in hh:mm:ss, and characters
 _SCALED = re.compile(r"(?:[/*×·]|\bx)\s*10+\b|\b10\s*\^")
 """A factor next to a unit, as in ``Force [N] / 1000``."""
 _EXTREMES = re.compile(r"\b(?:rms|effektivwert|max|maximum|peak|spitze|limit|grenzwert)\b")
-_WANTED = re.compile(r"\b(?:set ?point|soll|sollwert|command|demand)\b")
+_WANTED = re.compile(r"\b(?:set ?point|soll|sollwert|command|demand|target|min|minimum|mean|mittelwert|average|avg)\b")
 """Words of a heading whose values are no samples of the signal, or only what the rig was to do."""
 _APART = re.compile(r"\s+in\s+|[\s/,;:_\[\](){}<>|=-]+")
 
@@ -228,29 +230,43 @@ def factor_of(role: str, unit: str) -> float | None:
     return None if unit.startswith("MN") else ROLES[role].units.get(unit_key(unit))
 
 
-def _rank(role: str, heading: str) -> tuple[int, int] | None:
-    """How well a heading names a role (smaller is better), and the number of matching letters; None if it does not."""
-    if role in (heading, _without_unit(heading)):
-        return _OWN, 0
-    for name in (plain_words(heading), plain_words(name_and_unit(role, heading)[0])):
-        if name in ROLES[role].telling:
-            return _TELLING, 0
-        if name in ROLES[role].plain:
-            return _PLAIN, 0
-    if _EXTREMES.search(name) or (role not in OPERATING and _WANTED.search(name)):
-        return None
-    within = [len(phrase) for phrase in ROLES[role].telling if _holds(name, phrase)]
-    return (_WITHIN, -max(within)) if within else None
+def _claims(heading: str) -> dict[str, int]:
+    """The roles that a heading may name, and how well (smaller is better)."""
+    parts = {role: name_and_unit(role, heading) for role in ROLES}
+    names = {role: {plain_words(heading), plain_words(name)} for role, (name, _) in parts.items()}
+    claims = {role: _OWN for role in ROLES if role in (heading, _without_unit(heading))}
+    claims = claims or {role: _NAMED for role in ROLES if not names[role].isdisjoint(ROLES[role].telling)}
+    claims = claims or {
+        role: _LIKELY
+        for role in ROLES
+        if not names[role].isdisjoint(ROLES[role].plain)
+        and (role not in OPERATING or factor_of(role, parts[role][1]))  # n may be anything, n [rpm] is a speed
+    }
+    if not claims and len(within := _roles_within(plain_words(heading))) == 1:
+        (role,) = within
+        name = plain_words(parts[role][0])
+        if not _EXTREMES.search(name) and (role in OPERATING or not _WANTED.search(name)):
+            claims = {role: _LIKELY}
+    if "speed_rpm" in claims and unit_key(parts["speed_rpm"][1]) in _LEVELS:
+        return {"tacho": claims["speed_rpm"]}
+    return claims
 
 
 def operating_name(heading: str) -> str:
     """Our name of the operating parameter that a whole heading names in some language; else empty."""
-    return next((role for role in OPERATING if (rank := _rank(role, heading)) and rank[0] == _TELLING), "")
+    return next((role for role, rank in _claims(heading).items() if role in OPERATING and rank == _NAMED), "")
 
 
-def _holds(name: str, phrase: str) -> bool:
-    edge = "" if len(phrase) >= _COMPOUND and " " not in phrase else r"\b"
-    return re.search(f"{edge}{re.escape(phrase)}{edge}", name) is not None
+def _roles_within(name: str) -> set[str]:
+    """Roles that words within a name stand for; words of a longer phrase stand for nothing else."""
+    roles = set()
+    for _, phrase, role in _PHRASES:
+        edge = "" if len(phrase) >= _COMPOUND and " " not in phrase else r"\b"
+        shorter = re.sub(f"{edge}{re.escape(phrase)}{edge}", "|", name)
+        if shorter != name:
+            roles.add(role)
+        name = shorter
+    return roles
 
 
 def roles_of(headings: Sequence[str], given: Mapping[str, str]) -> dict[str, int]:
@@ -277,16 +293,6 @@ def roles_of(headings: Sequence[str], given: Mapping[str, str]) -> dict[str, int
         if len(places) == 1:
             positions[role] = places[0]
     return {role: positions[role] for role in ROLES if role in positions}
-
-
-def _claims(heading: str) -> dict[str, tuple[int, int]]:
-    """Roles that a heading may name; of words within it, the longest match decides."""
-    ranks = {role: rank for role in ROLES if (rank := _rank(role, heading)) is not None}
-    if "speed_rpm" in ranks and unit_key(name_and_unit("speed_rpm", heading)[1]) in _LEVELS:
-        return {"tacho": ranks["speed_rpm"]}
-    best = min(ranks.values(), default=None)
-    exact = {role: rank for role, rank in ranks.items() if rank[0] != _WITHIN}
-    return exact or {role: rank for role, rank in ranks.items() if rank == best}
 
 
 def given_position(role: str, given: str, headings: Sequence[str]) -> int:

@@ -32,8 +32,6 @@ _MOST_LOST = 0.2  # part of the samples; a record with more dropouts is refused
 _LARGEST_THRUST = 1e9  # N: a wrong column or unit; squares of larger numbers overflow in fits
 _LATEST = 4e9  # s since 1970, in 2096: a larger time is in another unit
 _ZERO = 0.2  # degrees or N m: the zero of a sensor may be off by as much
-_ENDS = 0.15  # part of the range at each end, near which the samples of a pulse train lie
-_PULSED = 0.9  # part of the samples that must lie there
 
 
 @dataclass(frozen=True)
@@ -135,7 +133,7 @@ def _operating(record: Record, stated: Mapping[str, float]) -> tuple[dict[str, f
 
 
 def _from_record(record: Record, pulses: int | None, speed_rpm: float | None) -> Measurement:
-    columns = _with_pulsed_speed(record.columns)
+    columns = record.columns
     over_angle = "rotation_deg" in columns or not {"time_s", "tacho"} & columns.keys()
     needed = ["thrust_n", "rotation_deg"] if over_angle else ["thrust_n", "time_s", "tacho"]
     for name in needed:
@@ -203,19 +201,6 @@ def _evenly_sampled(time_s: FloatArray, rows: IntArray) -> FloatArray | None:
     slope, start = np.polyfit(rows, time_s, 1)
     even = start + slope * rows
     return even if np.abs(time_s - even).max() <= step[step > 0].min() else None
-
-
-def _with_pulsed_speed(columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
-    """The columns, with a column called speed as the tachometer if there is no other and it holds pulses."""
-    if "speed_rpm" not in columns or {"tacho", "rotation_deg"} & columns.keys():
-        return columns
-    values = columns["speed_rpm"][np.isfinite(columns["speed_rpm"])]
-    if not values.size or not (span := float(np.ptp(values))):
-        return columns
-    place = (values - values.min()) / span
-    if ((place < _ENDS) | (place > 1 - _ENDS)).mean() < _PULSED or np.abs(np.diff(place) > 0.5).sum() < 2:
-        return columns
-    return {**columns, "tacho": columns["speed_rpm"]}
 
 
 def _unwrapped(degrees: FloatArray) -> FloatArray:
