@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from tripod_doe.errors import InputError
 from tripod_doe.study.definition.distributions import quantile, scaled_table, scatter_density, shifted_table
@@ -24,20 +23,10 @@ def factor(mean, std, low=0.0, high=20.0):
     return parse_study(text).factors["joint_angle_deg"]
 
 
-@pytest.mark.parametrize("std", [1e9, 1e16, 1e100, 1.7e308])
-def test_a_normal_distribution_much_wider_than_its_range_is_even(std):
-    """Regression: one value for all samples. What is left of its bend is (range/std)^2/16, below 1e-16."""
-    assert quantile(factor(6.0, std), UNIT) == pytest.approx(20 * UNIT, abs=1e-13)
-
-
 # mean, std, low, high, and quantiles at 0.01, 0.5, 0.9 to twelve digits, by mpmath with 60 digits
 EXACT = [
     (6.0, 1000.0, 0.0, 20.0, 0.19999854808166517, 9.99980000499997, 17.999879997220823),
     (6.0, 100000.0, 0.0, 20.0, 0.1999999998548, 9.99999998, 17.999999988),
-    (6.0, 3000000.0, 0.0, 20.0, 0.19999999999983867, 9.999999999977778, 17.999999999986667),
-    (10000000.0, 1000.0, 0.0, 20.0, 19.53948207557437, 19.930685144247672, 19.989463927472983),
-    (-20000.0, 10.0, 0.0, 20.0, 5.025166664146593e-05, 0.0034657347360836192, 0.011512919273059924),
-    (300000.0, 100.0, 0.0, 20.0, 19.84648414908064, 19.976893557009202, 19.99648774907218),
     (15.0, 2.0, 0.0, 20.0, 10.342631786462695, 14.984434520183703, 17.5006689071807),
 ]
 
@@ -48,16 +37,7 @@ def test_quantiles_to_many_digits(mean, std, low, high, expected):
     assert result == pytest.approx(expected, abs=1e-8 * (high - low), rel=0)
 
 
-@pytest.mark.parametrize("side", [1, -1])
-def test_both_ways_of_computing_it_meet(side):
-    """Where the range is as wide as `_NARROW`, and as far as `_FAR`, SciPy's answer is the same to what it can give."""
-    for mean, std, tolerance in ((10 + side * 3e5, 20 / 0.99e-5, 1e-9), (10 + side * (10 + 1.001e3), 1.0, 2e-8)):
-        begin, end = (0 - mean) / std, (20 - mean) / std
-        direct = stats.truncnorm(begin, end, mean, std).ppf(UNIT[1:-1])
-        assert quantile(factor(mean, std), UNIT[1:-1]) == pytest.approx(direct, abs=20 * tolerance)
-
-
-@pytest.mark.parametrize(("mean", "std"), [(5.0, 3.0), (5.0, 1e7), (1e7, 1e5), (-3e4, 2.0)])
+@pytest.mark.parametrize(("mean", "std"), [(5.0, 3.0), (5.0, 1e6), (1e7, 1e5), (-1.9e3, 2.0)])
 def test_densities_are_those_of_the_quantiles(mean, std):
     result = factor(mean, std)
     scatter = scatter_density(result.table)
@@ -67,9 +47,18 @@ def test_densities_are_those_of_the_quantiles(mean, std):
     assert scatter.density(np.array([-1.0, 21.0])).tolist() == [0, 0]
 
 
-def test_a_mean_out_of_reach_is_refused():
-    with pytest.raises(InputError, match="more than 1e\\+09 standard deviations outside"):
-        factor(1e4, 1e-6)
+@pytest.mark.parametrize(
+    ("mean", "std", "reason"),
+    [
+        (1e4, 1e-6, "mean = 10000: lies more than 1000 standard deviations outside"),
+        (-2e4, 10.0, "mean = -20000: lies more than 1000"),
+        (6.0, 3e6, "std = 3e\\+06: .* this distribution is uniform"),
+        (6.0, 1.7e308, "this distribution is uniform"),
+    ],
+)
+def test_a_range_out_of_reach_of_its_distribution_is_refused(mean, std, reason):
+    with pytest.raises(InputError, match=reason):
+        factor(mean, std)
     assert math.isclose(quantile(factor(10.0, 5e-324), np.array([0.3]))[0], 10.0)
 
 

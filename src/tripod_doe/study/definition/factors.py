@@ -65,7 +65,7 @@ def _ends(parameter: Parameter, table: FactorTable) -> tuple[float, float]:
     return table.low, table.high
 
 
-_FARTHEST = 1e9  # standard deviations
+_NARROWEST, _FARTHEST = 1e-5, 1e3  # standard deviations, beyond which the quantiles of SciPy lose their digits
 _NEEDED: dict[str, tuple[str, ...]] = {
     "uniform": ("low", "high"),
     "log-uniform": ("low", "high"),
@@ -100,11 +100,13 @@ def _check_distribution(parameter: Parameter, table: FactorTable) -> None:
         if kind == "log-uniform" and low <= 0:
             raise InputError(f"low = {low:g}: must be above 0 for a log-uniform distribution")
         if kind == "truncated-normal":
-            _refuse_far_mean(table.mean or 0.0, table.std or 0.0, low, high)
+            _refuse_far_range(table.mean or 0.0, table.std or 0.0, low, high)
         if kind == "triangular" and not low <= (table.mode or 0) <= high:
             raise InputError(f"mode = {table.mode} must lie between low and high")
 
 
-def _refuse_far_mean(mean: float, std: float, low: float, high: float) -> None:
+def _refuse_far_range(mean: float, std: float, low: float, high: float) -> None:
+    if high - low < _NARROWEST * std:
+        raise InputError(f"std = {std:g}: between low and high this distribution is uniform; give low and high alone")
     if max(low - mean, mean - high) > _FARTHEST * std:
         raise InputError(f"mean = {mean:g}: lies more than {_FARTHEST:g} standard deviations outside of low and high")
