@@ -7,7 +7,6 @@ the body of the request. Nothing that goes wrong here changes how a run ends.
 
 import json
 import logging
-import os
 import shlex
 import shutil
 import subprocess
@@ -20,7 +19,7 @@ from typing import Any, Self
 from urllib.parse import urlsplit
 
 from tripod_doe.errors import InputError, option, printable
-from tripod_doe.files.regular_files import opened_regular
+from tripod_doe.files.regular_files import private_text
 from tripod_doe.http_opener import LOOPBACK, opener_for
 
 _SECONDS = 30.0  # for a command, and for an answer of a webhook
@@ -45,7 +44,7 @@ class Notifier:
                 file.
         """
         if text.startswith("@"):
-            text = _private_text(Path(text[1:]))
+            text = private_text(Path(text[1:]), _MOST_BYTES, option("notify", text)).partition("\n")[0].strip()
         if text.partition("://")[0].lower() in ("http", "https"):
             return cls(url=_checked_address(text))
         try:
@@ -113,18 +112,3 @@ def _checked_address(text: str) -> str:
     if parts.scheme != "https" and host not in LOOPBACK:
         raise InputError(f"{option('notify')}: {host}: an address of another machine begins with https://")
     return text
-
-
-def _private_text(path: Path) -> str:
-    """The first line of a file that others cannot read: an address may hold a secret."""
-    named = option("notify", f"@{path}")
-    try:
-        with opened_regular(path, links=True) as stream:
-            state = os.fstat(stream.fileno())
-            if state.st_uid not in (os.geteuid(), 0) or state.st_mode & 0o077:
-                raise InputError(f"{named}: other users can use this file; run: chmod go-rwx {path}")
-            lines = stream.read(_MOST_BYTES).decode().split("\n")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise InputError(f"{named}: cannot read this file: {reason}") from error
-    return lines[0].strip()

@@ -14,7 +14,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.files.checksum_list import write_listed
 from tripod_doe.files.regular_files import open_locked, read_regular
 from tripod_doe.measurements.record_file import read_record
-from tripod_doe.notification import _private_text
+from tripod_doe.notification import Notifier
 from tripod_doe.service.runs.processes import is_held, run_log, run_process, start_run
 from tripod_doe.service.runs.run_table import TABLE, RunTable
 from tripod_doe.service.server import _locked_folder
@@ -102,7 +102,7 @@ def test_a_table_of_runs_with_programs_is_refused(tmp_path, read_only, program):
     "read",
     [
         read_token,
-        _private_text,
+        lambda pipe: Notifier.of(f"@{pipe}"),
         lambda pipe: ExistingScheduler(file=pipe)._read_address(),
         lambda pipe: tls_files(pipe, pipe, pipe).security(),
     ],

@@ -135,3 +135,30 @@ def open_locked(path: Path, flags: int = os.O_RDONLY) -> int:
 
 def _flags(links: bool) -> int:
     return os.O_NONBLOCK | (0 if links else os.O_NOFOLLOW)
+
+
+def private_text(path: Path, most: int, named: str) -> str:
+    """The text of a file with a secret, up to `most` bytes.
+
+    Args:
+        path: The file.
+        most: Bytes that are read.
+        named: How the user named it.
+
+    Raises:
+        InputError: If it cannot be read, or other users can.
+    """
+    try:
+        with opened_regular(path, links=True) as stream:
+            state = os.fstat(stream.fileno())
+            if state.st_uid not in (os.geteuid(), 0):
+                raise InputError(f"{named}: another user owns this file, and knows the secret in it")
+            if state.st_mode & 0o077:
+                raise InputError(
+                    f"{named}: other users can use this file (mode {stat.S_IMODE(state.st_mode):04o}) and may know the "
+                    f"secret in it; put a new one into a new file, or run: chmod go-rwx {path}"
+                )
+            return stream.read(most).decode()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise InputError(f"{named}: cannot read this file: {reason}") from error

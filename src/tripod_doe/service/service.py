@@ -33,6 +33,9 @@ from tripod_doe.study.cube.file_checks import analysis_files
 
 log = logging.getLogger(__name__)
 
+CHECK_FILE = ".study.cube.file_checks:refuse_unfit"
+"""Question that refuses a file that must not be delivered."""
+
 _UPLOADS = ".upload-"
 _QUESTIONS = "workers.answers"
 _ANSWERS = {"fit": ("fit",), "optimisation": ("front", "candidates")}  # files of searches; the first is the result
@@ -290,7 +293,9 @@ class Service:
         """The submitted study or workflow of a run, and its files; RefusedError 404 if they are gone or damaged."""
         run = self.runs.find(run_id)
         if run.is_left_alone:
-            text, tables = self.ask(f"{_QUESTIONS}:texts_of_directory", path=str(self.directory(run_id)))
+            text, tables = self.ask(
+                ".study.result_directory.stored_study:texts_of_study", directory=self.directory(run_id)
+            )
             return {"study": text, "files": tables}
         folder = self.directory(run_id, UPLOAD) / UPLOAD
         try:

@@ -1,15 +1,15 @@
 """Settings of a server."""
 
 import os
+import re
 import secrets
-import stat
-import tempfile
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from tripod_doe.errors import InputError, option
-from tripod_doe.files.regular_files import opened_regular
+from tripod_doe.files.regular_files import private_text
 from tripod_doe.notification import Notifier
 from tripod_doe.service.limits import Limits
 
@@ -54,20 +54,10 @@ def read_token(path: Path) -> str:
     try:
         if not path.exists():
             _make_token(path)
-        with opened_regular(path, links=True) as stream:
-            state = os.fstat(stream.fileno())
-            if state.st_uid not in (os.geteuid(), 0):
-                raise InputError(f"{named}: another user owns this file, and knows the token")
-            if state.st_mode & 0o077:
-                raise InputError(
-                    f"{named}: other users can use this file (mode {stat.S_IMODE(state.st_mode):04o}) and may know its "
-                    f"token; delete it for a new one, or run: chmod go-rwx {path}"
-                )
-            token = stream.read(_LONGEST_TOKEN).decode("ascii").strip()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not ASCII text"
-        raise InputError(f"{named}: cannot use this file: {reason}") from error
-    if len(token) < _SHORTEST_TOKEN or not all(letter.isalnum() or letter in "-_" for letter in token):
+    except OSError as error:
+        raise InputError(f"{named}: cannot make this file: {error.strerror}") from error
+    token = private_text(path, _LONGEST_TOKEN, named).strip()
+    if len(token) < _SHORTEST_TOKEN or not re.fullmatch(r"[\w-]+", token, re.ASCII):
         raise InputError(f"{named}: a token has at least {_SHORTEST_TOKEN} letters, digits, - and _")
     return token
 
@@ -75,13 +65,5 @@ def read_token(path: Path) -> str:
 def _make_token(path: Path) -> None:
     """Make a file with a new token; a file that another process makes meanwhile stays, and is then checked as usual."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    number, fresh = tempfile.mkstemp(dir=path.parent, prefix=".token-")  # a name that no other user can predict
-    try:
-        with open(number, "w", encoding="ascii") as stream:
-            stream.write(secrets.token_urlsafe(32) + "\n")
-            stream.flush()
-            os.fsync(number)
-        with suppress(FileExistsError):
-            os.link(fresh, path)
-    finally:
-        os.unlink(fresh)
+    with suppress(FileExistsError), open(path, "x", encoding="ascii", opener=partial(os.open, mode=0o600)) as stream:
+        stream.write(secrets.token_urlsafe(32) + "\n")

@@ -81,10 +81,7 @@ def run_list(
     service: AnyService, request: Request, asked: AskedRuns, order: Order = 3, page: PageNumber = 1, bin: bool = False
 ) -> HTMLResponse:
     """The list alone."""
-    values = _listed(service, request, asked, order, page or 1, bin)
-    return HTMLResponse(
-        part("run_list.html", root=service.settings.root, read_only=service.settings.read_only, **values)
-    )
+    return _part("run_list.html", service, **_listed(service, request, asked, order, page or 1, bin))
 
 
 def _listed(
@@ -118,10 +115,7 @@ def extremes(service: AnyService, asked: AskedRuns, order: Order = 3, page: Page
 @router.get("/parts/runs/{run_id}")
 def run_head(run_id: str, service: AnyService) -> HTMLResponse:
     """State, counts and price of a run."""
-    run = service.runs.find(run_id)
-    return HTMLResponse(
-        part("run_head.html", root=service.settings.root, run=run, read_only=service.settings.read_only)
-    )
+    return _part("run_head.html", service, run=service.runs.find(run_id))
 
 
 @router.get("/runs/{run_id}")
@@ -182,7 +176,7 @@ def point(run_id: str, number: int, service: AnyService, at: str = "", step: str
 @router.get("/parts/parameters")
 def parameters(scene: str, service: AnyService) -> HTMLResponse:
     """Parameters of a scene as a list to choose from."""
-    return HTMLResponse(part("parameters.html", parameters=service.ask("explorer.answers:parameters", scene=scene)))
+    return _part("parameters.html", service, parameters=service.ask("explorer.answers:parameters", scene=scene))
 
 
 @router.post("/parts/price-of-point")
@@ -202,9 +196,8 @@ def simulate(body: Body, service: AnyService) -> dict[str, Any]:
 @router.get("/runs/{run_id}/numbers")
 def numbers(run_id: str, request: Request, service: AnyService) -> HTMLResponse:
     """The cells of a view as a table."""
-    return HTMLResponse(
-        part("numbers.html", **questions.numbers(service, run_id, _items(request), request.query_params.get("step")))
-    )
+    shown = questions.numbers(service, run_id, _items(request), request.query_params.get("step"))
+    return _part("numbers.html", service, **shown)
 
 
 @router.get("/runs/{run_id}/analyses")
@@ -325,6 +318,12 @@ def preview(body: Body, service: AnyService) -> dict[str, Any]:
     question = "explorer.uploaded_measurement:preview"
     found: dict[str, Any] = service.ask(question, fields=service.fields_of(body, Table))
     return found
+
+
+def _part(template: str, service: Service, **values: Any) -> HTMLResponse:
+    """A part of a page that a script puts into it."""
+    own = {"root": service.settings.root, "read_only": service.settings.read_only}
+    return HTMLResponse(part(template, **own, **values))
 
 
 def _run_page(template: str, service: Service, run: Run, tab: str, **values: Any) -> HTMLResponse:

@@ -12,6 +12,7 @@ from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.routes.dependencies import IN_SANDBOX, REFUSALS, AnyService, errors_at, gives
 from tripod_doe.service.security.delivered_files import file_within
 from tripod_doe.service.security.tokens import report_key
+from tripod_doe.service.service import CHECK_FILE
 
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404))
 
@@ -69,7 +70,7 @@ def page(run_id: str, key: str, place: str, service: AnyService) -> Response:
         raise RefusedError(404, "no such page of this run")
     service.directory(run_id, str(path.parent.relative_to(directory)))
     if path.suffix == ".nc":
-        service.ask("workers.answers:check_file", path=str(path))
+        service.ask(CHECK_FILE, path=path)
     else:
         refuse_changed(path, unlisted=True)
     return FileResponse(path, media_type=_KINDS[path.suffix], headers=IN_SANDBOX)

@@ -14,7 +14,7 @@ from starlette.types import Receive, Scope, Send
 from tripod_doe.service.problems import RefusedError
 from tripod_doe.service.requests.forms import Comparison
 from tripod_doe.service.routes.dependencies import CHANGES, REFUSALS, AnyService, Body, errors_at, gives, takes
-from tripod_doe.service.service import Service
+from tripod_doe.service.service import CHECK_FILE, Service
 from tripod_doe.study.result_directory.open_cube import is_shown
 
 router = APIRouter(prefix="/runs/{run_id}", responses=REFUSALS | errors_at(404, 409))
@@ -81,7 +81,7 @@ def _results(service: Service, directory: Path, name: str) -> Response:
         return _file(service, directory / name)
     folder = Path(tempfile.mkdtemp(prefix="tripod-doe-"))
     try:
-        service.ask_large("workers.answers:cube", path=str(directory), folder=str(folder))
+        service.ask_large(".study.result_directory.open_cube:write_cube_so_far", path=directory, folder=folder)
         return _TemporaryFile(folder / name, media_type=_TYPES["netcdf"], filename=name)
     except BaseException:
         shutil.rmtree(folder)
@@ -140,5 +140,5 @@ class _TemporaryFile(FileResponse):
 def _file(service: Service, path: Path) -> Response:
     if not path.is_file():
         raise RefusedError(404, f"{path.name}: this run has no such file yet")
-    service.ask("workers.answers:check_file", path=str(path))
+    service.ask(CHECK_FILE, path=path)
     return FileResponse(path, media_type=_TYPES["netcdf"], filename=path.name)

@@ -11,7 +11,7 @@ import re
 import socket
 from collections import Counter, defaultdict
 from collections.abc import AsyncIterator, Callable
-from contextlib import ExitStack, asynccontextmanager
+from contextlib import AsyncExitStack, ExitStack, asynccontextmanager
 from urllib.parse import parse_qsl, urlencode
 
 from anyio import BrokenResourceError
@@ -64,10 +64,6 @@ def _share_of(scope: Scope) -> tuple[str, bool] | None:
     if access is None:
         return _STRANGER
     return None if access.owns else (access.name, scope["path"].endswith("/events"))
-
-
-def _nothing() -> None:
-    """Do nothing when an answer begins."""
 
 
 async def _send_in_pieces(send: Send, message: Message) -> None:
@@ -207,11 +203,11 @@ class Guard:
         name, streams = mine
         self._open[mine] += 1
         try:
-            if streams:  # they hold no thread
-                yield _nothing
-                return
-            async with self._turns[name], self._readers:
-                yield _nothing
+            async with AsyncExitStack() as turns:
+                if not streams:  # these hold no thread
+                    await turns.enter_async_context(self._turns[name])
+                    await turns.enter_async_context(self._readers)
+                yield lambda: None
         finally:
             self._open[mine] -= 1
 

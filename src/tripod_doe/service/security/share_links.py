@@ -4,16 +4,16 @@ The file keeps only a hash of each link's secret, and is private: whoever reads 
 """
 
 import hashlib
-import json
-import re
 import secrets
 import stat
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, ClassVar
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from tripod_doe.errors import InputError
 from tripod_doe.files.atomic_files import replace_text
@@ -26,20 +26,24 @@ SHARES = "shares.json"
 _MOST = 1_000
 _DAY = 86_400.0
 _LATEST = 7_000 * 366 * _DAY  # seconds after 1970; dates end with the year 9999
-_HEX = {digits: re.compile(rf"[0-9a-f]{{{digits}}}") for digits in (16, 64)}
-_UNREADABLE = (OSError, ValueError, TypeError, KeyError, RecursionError, InputError)
+_UNREADABLE = (OSError, ValidationError, InputError)
 
 
 @dataclass(frozen=True)
 class Share:
     """A link to one run."""
 
-    id: str  # its public name, no secret
-    run_id: str
-    digest: str  # hash of the secret in the link
+    __pydantic_config__: ClassVar = ConfigDict(extra="forbid")  # of rows of the file
+
+    id: Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]  # its public name, no secret
+    run_id: Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
+    digest: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]  # hash of the secret in the link
     # created, expires: seconds since 1970
-    created: float
-    expires: float
+    created: Annotated[float, Field(ge=0, lt=_LATEST)]
+    expires: Annotated[float, Field(ge=0, lt=_LATEST)]
+
+
+_ROWS = TypeAdapter(list[Share])
 
 
 class Shares:
@@ -61,13 +65,13 @@ class Shares:
             try:
                 self._shares = self._read()
             except _UNREADABLE as error:
+                reason = error.errors()[0]["msg"] if isinstance(error, ValidationError) else error
                 raise InputError(
-                    f"{self._path}: cannot read these links ({error}); delete the file, which revokes all of them"
+                    f"{self._path}: cannot read these links ({reason}); delete the file, which revokes all of them"
                 ) from error
 
     def _read(self) -> dict[str, Share]:
-        rows = json.loads(read_regular(self._path))
-        return {row["id"]: _share(row) for row in rows}
+        return {share.id: share for share in _ROWS.validate_json(read_regular(self._path), strict=True)}
 
     def _state_now(self) -> tuple[int, int] | None:
         """State that shows whether another server has written the file; None if there is no file."""
@@ -129,18 +133,8 @@ class Shares:
         return [share for share in self._known().values() if share.expires > now]
 
     def _store(self, shares: dict[str, Share]) -> None:
-        replace_text(self._path, json.dumps([asdict(share) for share in shares.values()]))
+        replace_text(self._path, _ROWS.dump_json(list(shares.values())).decode())
         self._shares, self._state = shares, self._state_now()
-
-
-def _share(row: dict[str, Any]) -> Share:
-    """A row of the file; TypeError or ValueError where this program did not write it."""
-    share = Share(**row)
-    if not all(_HEX[n].fullmatch(text) for n, text in ((16, share.id), (16, share.run_id), (64, share.digest))):
-        raise ValueError("a name or a hash is none")
-    if not all(type(time) in (int, float) and 0 <= time < _LATEST for time in (share.created, share.expires)):
-        raise ValueError("a time is none")
-    return share
 
 
 def _hash(secret: str) -> str:

@@ -150,13 +150,6 @@ def plan_directory(path: str, limits: Limits) -> Any:
     return plan_stored(Path(path), limits) if kind == "study" else plan_upload(upload, kind, limits, timing=False)
 
 
-def texts_of_directory(path: str) -> Any:
-    """The study of a directory that the command line filled, and its tables by name; CubeError if it was changed."""
-    from tripod_doe.study.result_directory.stored_study import texts_of_study
-
-    return texts_of_study(Path(path))
-
-
 def changes(body: bytes, limits: Limits) -> Any:
     """Changes that a request makes to the annotation of a run."""
     return read_form(body, RunChange, limits.nesting).model_dump(exclude_none=True)
@@ -268,20 +261,6 @@ def _refuse_large(size: int, limits: Limits) -> None:
             f"select: an answer of about {size:,} bytes; at most {limits.answer_bytes:,} are sent: select fewer cells, "
             "or take cube.nc"
         )
-
-
-def cube(path: str, folder: str) -> None:
-    """Write the cube of a run so far into a folder, with its costs."""
-    from tripod_doe.study.result_directory.open_cube import write_cube_so_far
-
-    write_cube_so_far(Path(path), Path(folder))
-
-
-def check_file(path: str) -> None:
-    """Refuse a file that must not be delivered; see `refuse_unfit`."""
-    from tripod_doe.study.cube.file_checks import refuse_unfit
-
-    refuse_unfit(Path(path))
 
 
 def is_damaged(path: str) -> bool:

@@ -1,7 +1,7 @@
 """The process of a worker: it receives questions and sends answers or refusals, one at a time.
 
-A question names a function of the service (``workers.answers:plan``). Only workers parse bodies of requests,
-so that no text can block the server.
+A question names a function of the service (``workers.answers:plan``), or with a dot in front one of the package. Only
+workers parse bodies of requests, so that no text can block the server.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def _reply(place: str, arguments: dict[str, Any], as_json: bool) -> Reply:
         module, _, name = place.partition(":")
         if fields := arguments.pop("fields", None):  # of a body: as arguments of their own
             arguments |= read_form(*fields).model_dump()
-        answer = getattr(import_module(f"tripod_doe.service.{module}"), name)(**arguments)
+        answer = getattr(import_module(f".{module}", "tripod_doe.service"), name)(**arguments)
         return "answer", json.dumps(answer, allow_nan=False).encode() if as_json else answer
     except RefusedError as error:
         return _refused(error)
