@@ -39,26 +39,12 @@ def test_answers_for_spreadsheets(api, settings, coast):
     assert len(list(openpyxl.load_workbook(io.BytesIO(answer.content))["Answer"].values)) == 2 + len(rows)
 
 
-def test_a_summary_is_made_once_for_the_same_results(coast, settings, tmp_path, monkeypatch):
-    """Regression: a reader's requests for the same PDF cost 1.4 CPU-s each, and held up those of the others."""
-    directory, made = str(copytree(settings.folder / coast, tmp_path / "copy")), []
-    summary = answers._summary
-    monkeypatch.setattr(answers, "_summary", lambda path, form: made.append(form) or summary(path, form))
-    first = answers.handed_on(directory, "html")
-    assert answers.handed_on(directory, "html") is first
-    answers.handed_on(directory, "xlsx")
-    assert made == ["html", "xlsx"]
+def test_a_summary_is_of_the_results_that_are_there_now(coast, settings, tmp_path):
+    directory = str(copytree(settings.folder / coast, tmp_path / "copy"))
     write_annotation(Path(directory), Annotation(note="for the meeting"))
     assert b"for the meeting" in answers.handed_on(directory, "html")
     cube = Path(directory) / "cube.nc"
     cube.write_bytes(cube.read_bytes()[:-1000])
-    with pytest.raises(CubeError):
-        answers.handed_on(directory, "html")
-
-
-def test_few_summaries_are_kept(coast, settings, monkeypatch):
-    monkeypatch.setattr(answers, "_MOST_KEPT", 3)
-    monkeypatch.setattr(answers, "_summary", lambda path, form: b"00")
-    for form in ("html", "xlsx", "html"):
-        assert answers.handed_on(str(settings.folder / coast), form) == b"00"
-        assert [key[1] for key in answers._made] == [form]
+    for form in ("html", "pdf", "xlsx"):
+        with pytest.raises(CubeError):
+            answers.handed_on(directory, form)

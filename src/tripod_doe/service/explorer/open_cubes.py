@@ -10,11 +10,10 @@ import xarray as xr
 from tripod_doe.files.checksum_list import number_in
 from tripod_doe.files.regular_files import version_of
 from tripod_doe.service.explorer.candidates import as_points
-from tripod_doe.study.cube.file_checks import analysis_files, refuse_unfit
+from tripod_doe.study.cube.file_checks import refuse_unfit
 from tripod_doe.study.cube.lazy_dataset import lazy_dataset
 from tripod_doe.study.cube.netcdf import reading
 from tripod_doe.study.journal import journal_path
-from tripod_doe.study.result_directory.annotation import FILE as ANNOTATION
 from tripod_doe.study.result_directory.open_cube import cube_files, cube_so_far, unshown_state
 from tripod_doe.study.result_directory.stored_study import STORED
 
@@ -49,16 +48,6 @@ def opened(path: str | Path) -> Iterator[xr.Dataset]:
                 cube = as_points(cube.load())
                 _keep(key, cube)
         yield cube
-
-
-def results_state(directory: Path) -> tuple[object, ...]:
-    """The state of all that a summary of a result directory shows: its points, analyses and annotation.
-
-    Raises:
-        CubeError: As for `opened`.
-    """
-    state, files = _checked(directory)
-    return *state, *map(_state_of, (*files, *analysis_files(directory).values(), directory / ANNOTATION))
 
 
 def _checked(place: Path) -> tuple[tuple[object, ...], list[Path]]:

@@ -49,7 +49,8 @@ async def _service(request: Request) -> Service:  # without async, each request 
 
 
 async def _body(request: Request) -> bytes:
-    return await request.body()  # `Guard` has received it
+    body: bytes = request.scope["body"]  # `Guard` has received it
+    return body
 
 
 Body = Annotated[bytes, Depends(_body)]
@@ -65,7 +66,7 @@ async def refuse_unread(request: Request) -> None:
     described = request.app.openapi()["paths"][API + route.path_format][method]
     known = [each["name"] for each in described.get("parameters", ()) if each["in"] == "query"]
     reads_body = "requestBody" in described or method == "get"
-    if not reads_body and (await request.body()).strip() not in _EMPTY:
+    if not reads_body and request.scope["body"].strip() not in _EMPTY:
         remedy = f"; write {', '.join(known)} into the query" if known else ""
         raise RefusedError(422, f"this address takes no body: leave it out{remedy}")
     if unknown := next((name for name in request.query_params if name not in known), None):

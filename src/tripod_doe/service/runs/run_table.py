@@ -147,29 +147,17 @@ class Run:
 
     def record(self) -> dict[str, Any]:
         """The run as clients see it."""
-        record: dict[str, Any] = {
-            "id": self.id,
+        counts = {name: getattr(self.counts, name) for name in ("total", "finished", "failed", "missing")}
+        as_they_are = ("id", "owner", "note", "kind", "question", "message", "created", "updated", "binned")
+        record: dict[str, Any] = {name: getattr(self, name) for name in as_they_are} | {
             "name": self.shown_name,
-            "owner": self.owner,
             "tags": list(self.tags),
-            "note": self.note,
             "found": bool(self.place),
-            "kind": self.kind,
-            "question": self.question,
             "state": self.state.value,
-            "message": self.message,
-            "points": {
-                "total": self.counts.total,
-                "finished": self.counts.finished,
-                "failed": self.counts.failed,
-                "missing": self.counts.missing,
-            },
+            "points": counts,
             "outcomes": dict(self.counts.outcomes or {}),
             "cpu_seconds": round(self.counts.cpu_seconds, 3),
             "eta_seconds": None if self.eta_seconds is None else round(self.eta_seconds, 1),
-            "created": self.created,
-            "updated": self.updated,
-            "binned": self.binned,
         }
         if self.kind != "study":
             record["steps"] = [dict(step) for step in self.steps]

@@ -132,7 +132,7 @@ class Guard:
                 raise _unknown()
             if scope["method"] not in _SAFE:
                 self._check_change(scope, headers)
-                receive = _replayed_body(await self._body(scope, headers, receive))
+                scope["body"] = await self._body(scope, headers, receive)
             self._refuse_crowd(scope)
         except RefusedError as refusal:
             if (access := scope["access"]) is not None and not access.owns:
@@ -347,21 +347,6 @@ def _is_address(name: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _replayed_body(body: bytes) -> Receive:
-    """A channel that returns the received body, then the end of the connection."""
-    sent = False
-    gone = asyncio.Event()
-
-    async def receive() -> Message:
-        nonlocal sent
-        if sent:
-            await gone.wait()
-        sent = True
-        return {"type": "http.request", "body": body, "more_body": False}
-
-    return receive
 
 
 def _with_headers(send: Send) -> Send:

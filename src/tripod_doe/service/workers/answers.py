@@ -4,7 +4,6 @@ import hashlib
 import json
 import re
 import tempfile
-from collections import OrderedDict
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,9 +29,6 @@ from tripod_doe.study.definition.toml_text import read_text
 
 _MOST_AT_ONCE = 50_000  # cells of a small query: 4 MB of JSON
 _SAMPLE = 1_000  # rows from which the size of an answer is estimated
-_MOST_KEPT = 50_000_000  # bytes of summaries that a worker keeps
-_made: OrderedDict[tuple[object, ...], bytes] = OrderedDict()
-"""Summaries by path, form and state of the results, the last used at the end."""
 
 
 def plan(body: bytes, limits: Limits) -> Any:
@@ -227,23 +223,7 @@ def query(
 
 
 def handed_on(path: str, form: str) -> bytes:
-    """A result directory on one page (pdf, html), its tables as a workbook (xlsx), or its page that asks what if.
-
-    The worker keeps what it made as long as the results are the same.
-    """
-    from tripod_doe.service.explorer.open_cubes import results_state
-
-    key = path, form, *results_state(Path(path))
-    made = _made.pop(key, None) or _summary(path, form)
-    for other in [other for other in _made if other[:2] == key[:2]]:
-        del _made[other]
-    _made[key] = made
-    while sum(map(len, _made.values())) > _MOST_KEPT:
-        _made.popitem(last=False)
-    return made
-
-
-def _summary(path: str, form: str) -> bytes:
+    """A result directory on one page (pdf, html), its tables as a workbook (xlsx), or its page that asks what if."""
     from tripod_doe.reports.one_page import one_page, what_if_alone
     from tripod_doe.reports.workbook import tables_of
 
