@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import resource
 
@@ -46,6 +47,17 @@ def test_a_full_disk_is_named_where_netcdf_names_no_reason(tmp_path):
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, usual)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_full_disk_is_named_where_netcdf_speaks_of_a_permission(tmp_path):
+    """Regression: "Permission denied", as it says where the disk takes not even the first bytes."""
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, usual[1]))
+    try:
+        with pytest.raises(td.StorageError, match="File too large"), replace_file(tmp_path / "cube.nc"):
+            raise PermissionError(errno.EACCES, "Permission denied")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
 
 
 def test_a_file_that_cannot_be_made_is_an_error(tmp_path):

@@ -45,8 +45,9 @@ def replace_file(path: Path) -> Iterator[Path]:
         finally:
             os.close(written)
         os.replace(fresh, path)
-    except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as a RuntimeError
-        error = error if getattr(error, "strerror", None) else _refusal(fresh) or error
+    except (OSError, RuntimeError) as error:  # netCDF4 reports a full disk as "HDF error" or "Permission denied"
+        if isinstance(error, RuntimeError | PermissionError):
+            error = _refusal(fresh) or error
         with suppress(OSError):
             fresh.unlink()  # a full disk must not stay full of what is of no use
         reason = getattr(error, "strerror", None) or error
@@ -63,7 +64,7 @@ def remedy(error: BaseException) -> str:
 
 
 def _refusal(path: Path) -> OSError | None:
-    """Why the disk takes no more of a file, for instance since it is full; netCDF4 says only "HDF error"."""
+    """Why the disk takes no more of a file, for instance since it is full; netCDF4 does not say so."""
     try:
         with path.open("ab", 0) as file:
             file.write(bytes(_PROBE))

@@ -38,7 +38,7 @@ def settings_of(study: Study, kind: str, table: Mapping[str, Any], where: str) -
     """
     known = [name for name, entry in ANALYSES.items() if entry.designs]
     if kind not in known:
-        reason = "only a workflow can ask for this analysis;" if kind in ANALYSES else "unknown analysis"
+        reason = "only a workflow can ask for this analysis" if kind in ANALYSES else "unknown analysis"
         raise study.fail(where, f"kind = {kind!r}: {reason}{near_match(str(kind), known)}")
     analysis = ANALYSES[kind]
     design = study.file.design

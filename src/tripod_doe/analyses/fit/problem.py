@@ -40,8 +40,8 @@ from tripod_doe.typed_numbers import number_or_text
 Answers = Callable[[Mapping[str, NDArray[Any]]], tuple[ComplexArray, Needles]]
 """Complex orders 0 to 12 of points, and what their runs say of needles; NaN where one failed."""
 
-_CHEAP = {"rollers": "kinetostatic", "needles": "kinetostatic"}
-"""The model on which the search runs, by the model asked for."""
+_CHEAP = {"needles": "kinetostatic"}
+"""The model on which the search runs, by the model asked for: one that is near it wherever the search goes."""
 
 _KEEP_SKEW = "rollers"
 """The model whose needles keep the skew that they start with."""
