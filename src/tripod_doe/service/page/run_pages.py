@@ -4,7 +4,7 @@ import json
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Query, Request
+from fastapi import APIRouter, Depends, Query, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from tripod_doe.errors import InputError
@@ -13,16 +13,7 @@ from tripod_doe.service.page.rendering import part, show
 from tripod_doe.service.problems import RefusedError, among_runs
 from tripod_doe.service.requests.forms import Comparison, PointRequest, Table
 from tripod_doe.service.routes.dependencies import AnyService, AskedRuns, Body, PageNumber
-from tripod_doe.service.runs.listing import (
-    SORTS,
-    RunFilter,
-    folders_of,
-    names_of,
-    page_count,
-    page_of,
-    short_ids,
-    tags_of,
-)
+from tripod_doe.service.runs.listing import SORTS, folders_of, names_of, page_count, page_of, short_ids, tags_of
 from tripod_doe.service.runs.run_end import has_report
 from tripod_doe.service.runs.run_table import Run, State
 from tripod_doe.service.security.tokens import report_key
@@ -52,57 +43,52 @@ _SEARCH_TABS = (
 Order = Annotated[int, Query(ge=0, le=12, description="order of the thrust whose extremes are shown")]
 
 
-@router.get("/")
-def runs(
+def _listed(
     service: AnyService, request: Request, asked: AskedRuns, order: Order = 3, page: PageNumber = 1, bin: bool = False
-) -> HTMLResponse:
-    """The list of runs, or of those in the bin."""
+) -> dict[str, Any]:
+    """Values that a page of the list shows: of all runs, or of those in the bin."""
     service.found.look_soon()
     newest = service.runs.events.newest()  # read before the list, so that later changes arrive as events
     everything = service.runs.in_bin() if bin else service.runs.all()
-    choices: dict[str, Any] = {
-        "tags": tags_of(everything),
-        "folders": folders_of(everything),
-        "states": list(State),
-        "sorts": SORTS,
-    }
-    return show(
-        "runs.html",
-        service.settings,
-        here="/",
-        newest=newest,
-        **choices,
-        **_listed(service, request, asked, order, page or 1, bin),
-    )
-
-
-@router.get("/parts/runs")
-def run_list(
-    service: AnyService, request: Request, asked: AskedRuns, order: Order = 3, page: PageNumber = 1, bin: bool = False
-) -> HTMLResponse:
-    """The list alone."""
-    return _part("run_list.html", service, **_listed(service, request, asked, order, page or 1, bin))
-
-
-def _listed(
-    service: Service, request: Request, asked: RunFilter, order: int, page: int, in_bin: bool
-) -> dict[str, Any]:
-    """Values that a page of the list shows."""
-    passed = asked.select(service.runs.in_bin() if in_bin else service.runs.all())
+    passed, page = asked.select(everything), page or 1
     shown = page_of(passed, page)
     query = [(name, value) for name, value in _items(request) if name != "page" and value]
     return {
+        "newest": newest,
+        "everything": everything,
         "asked": asked,
         "runs": shown,
         "count": len(passed),
         "page": page,
         "pages_of_runs": page_count(passed),
         "query": urlencode(query),
-        "in_bin": in_bin,
+        "in_bin": bin,
         "short_ids": short_ids(passed),
         "order": order,
         "extremes": service.extremes.known(shown, order),
     }
+
+
+Listed = Annotated[dict[str, Any], Depends(_listed)]
+
+
+@router.get("/")
+def runs(service: AnyService, listed: Listed) -> HTMLResponse:
+    """The list of runs, or of those in the bin."""
+    everything = listed["everything"]
+    choices: dict[str, Any] = {
+        "tags": tags_of(everything),
+        "folders": folders_of(everything),
+        "states": list(State),
+        "sorts": SORTS,
+    }
+    return show("runs.html", service.settings, here="/", **choices, **listed)
+
+
+@router.get("/parts/runs")
+def run_list(service: AnyService, listed: Listed) -> HTMLResponse:
+    """The list alone."""
+    return _part("run_list.html", service, **listed)
 
 
 @router.get("/parts/extremes")
