@@ -79,7 +79,7 @@ def test_a_reason_is_that_of_the_worst_points():
 def test_a_doubtful_verdict_names_the_cheapest_sure_model_and_its_price():
     """Regression: it named the finest model, where one of a tenth of the price was sure."""
     simulator = load_simulator("joint")
-    columns = simulator.columns({"torque_n_m": 50.0}, {"joint_angle_deg": np.array([1.0, 8.0, 0.02])}, 3)
+    columns = simulator.columns({"torque_n_m": 50.0}, {"joint_angle_deg": np.array([1.0, 8.0, 30.0])}, 3)
     trust = verdicts(simulator.model_errors(columns)).trust
     models, prices = simulator.surer_models(columns, {}, trust)
     assert models.tolist() == ["rollers", "", "needles"]
@@ -159,3 +159,24 @@ def test_a_verdict_does_not_contradict_the_reason_of_an_unknown_error():
     summary.add(ModelErrors("third order", "fine", models, np.array([np.nan]), np.array([np.nan]), unknown))
     assert "doubtful, since the error of its model is not known there; check it" in summary.texts[0]
     assert "no similar" not in " ".join(summary.texts)
+
+
+@pytest.mark.parametrize(
+    "given", [{"torque_n_m": 0.0}, {"torque_n_m": 0.0, "model": "equilibrium", "needle_crown_um": 3.0}]
+)
+def test_without_torque_nothing_is_known_exactly(given):
+    """Exact physics: inertia presses rollers into their grooves, too; 3,000 rpm and 0.05 N m give 8 N in `rollers`."""
+    simulator = load_simulator("joint")
+    columns = simulator.columns(given, {"joint_angle_deg": np.array([10.0, 0.0])}, 2)
+    errors = simulator.model_errors(columns)
+    assert verdicts(errors).trust.tolist() == [Trust.DOUBTFUL, Trust.SURE]
+    assert np.isnan(errors.expected[0])
+    assert "inertia_ratio" in errors.unknown[0]
+
+
+@pytest.mark.parametrize("given", [{"torque_n_m": 0.0}, {"settled_needles": 1.0, "joint_angle_deg": 30.0}])
+def test_no_model_is_advised_that_refuses_the_point(given):
+    """Regression: "check it with model needles (sure there)", which ended as not_applicable."""
+    simulator = load_simulator("joint")
+    sentence, *_ = model_notes(simulator, simulator.columns(given, {}, 1), {})
+    assert sentence.endswith("since the error of its model is not known there.")

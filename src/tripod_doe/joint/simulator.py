@@ -48,6 +48,10 @@ from tripod_doe.model_interface import (
     is_set,
 )
 
+_NO_TORQUE = (
+    "without torque no force presses the rollers into their grooves; set torque_n_m, or use model equilibrium, which "
+    "leaves out their inertia"
+)
 _NO_END = "settled_needles: model needles follows as many cycles as are asked for, and no further; raise cycles instead"
 _KIND = ("model", "method", "samples_per_revolution", "cycles")
 """Parameters that points must share for a common call of a solver."""
@@ -144,7 +148,7 @@ class JointSimulator(Simulator):
             quantities = own | ratios | {SHARE: share, TOUCHING: touching_spheres(own, ratios)}
             for left in model.valid:
                 inside = (quantities[left.quantity] >= left.low) & (quantities[left.quantity] <= left.high)
-                beyond = ~inside & ~has_no_thrust(ratios)
+                beyond = ~inside & ~has_no_thrust(ratios) & (own["torque_n_m"] != 0)  # no ratio holds without torque
                 outside = np.zeros(count, bool)
                 outside[rows] = beyond
                 departures.append(Departure(model.name, left, outside, quantities[left.quantity][beyond]))
@@ -286,6 +290,8 @@ def _refused(
             text = f"{name} is not used by {model.name} with {method}"
             given = np.flatnonzero(~np.isnan(np.asarray(columns[name], float)))
             refused |= {int(row): (Outcome.NOT_APPLICABLE, text) for row in given}
+    if model.name not in WITHOUT_VIBRATION:
+        refused |= {int(row): (Outcome.OUT_OF_RANGE, _NO_TORQUE) for row in np.flatnonzero(values.torque == 0)}
     if model.name == FINEST:
         refused |= {int(row): (Outcome.NOT_APPLICABLE, _NO_END) for row in np.flatnonzero(values.settled_needles > 0)}
     return infeasible(values) | refused

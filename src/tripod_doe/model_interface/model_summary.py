@@ -97,6 +97,7 @@ class ModelSummary:
     def add_checks(self, models: NDArray[np.object_], prices: Mapping[str, float]) -> None:
         """Count the models that doubtful points can be checked with; see `Simulator.surer_models`."""
         self._verdicts.checks.update(name for name in models.tolist() if name)
+        self._verdicts.unchecked |= None in models.tolist()
         self._verdicts.prices |= prices
 
     @property

@@ -164,8 +164,8 @@ class Simulator(ABC):
             trust: `Trust` in each point, shape (point,).
 
         Returns:
-            Names, shape (point,), empty at other points and where no finer model is sure; and the recorded prices of
-            these models (CPU seconds of a point).
+            Names, shape (point,), empty at other points, None where no finer model is sure or runs; and the recorded
+            prices of these models (CPU seconds of a point).
         """
         names, prices = np.full(trust.size, "", object), dict[str, float]()
         inexact, left = self.numerical_errors(outputs), trust == Trust.DOUBTFUL
@@ -178,12 +178,17 @@ class Simulator(ABC):
             there = {name: column[finer] for name, column in points.items()}
             there["model"] = np.full(finer.size, model, object)
             errors = self.model_errors(there, {name: values[finer] for name, values in outputs.items()})
-            sure = finer[verdicts(errors).trust == Trust.SURE] if errors else finer[:0]
+            if errors is None:
+                continue
+            sure = verdicts(errors).trust == Trust.SURE
+            sure[[row for row, *_ in self.foreseen(there)]] = False
+            sure = finer[sure]
             names[sure], left[sure] = model, False
             first = {name: column.tolist()[0] for name, column in there.items()}
             price = self.recorded_price({name: value for name, value in first.items() if is_set(value)})
             if price is not None:
                 prices[model] = price
+        names[left] = None
         return names, prices
 
     def recorded_errors(self, points: Mapping[str, NDArray[Any]], accuracy: Accuracy) -> FloatArray | None:

@@ -110,6 +110,7 @@ class VerdictCount:
     finest: str = ""
     counts: Counter[tuple[Trust, str]] = field(default_factory=Counter)
     checks: Counter[str] = field(default_factory=Counter)  # doubtful points by the cheapest model that is sure there
+    unchecked: bool = False  # whether at some points no model is
     prices: dict[str, float] = field(default_factory=dict)  # usual CPU seconds of a point by these models
     unpriced: Collection[str] = ()  # reasons that make a point more expensive than usual ones
     remedies: dict[str, str] = field(default_factory=dict)  # what to change, by the reason that no other model cures
@@ -143,8 +144,8 @@ class VerdictCount:
         worst, why = self._reasons()
         reason, count = why.most_common(1)[0]
         since = f"mostly since {reason} ({count_of(count, 'point')})" if len(why) > 1 else f"since {reason}"
-        if worst is Trust.DOUBTFUL:
-            since += f"; {self.remedies.get(reason) or self._check(reason, why.total())}"
+        if worst is Trust.DOUBTFUL and (advice := self.remedies.get(reason) or self._check(reason, why.total())):
+            since += f"; {advice}"
         if len(of_trust) > 1:
             parts = ", ".join(f"{trust.label} at {of_trust[trust]:,}" for trust in sorted(of_trust))
             since = since.removeprefix("mostly ")
@@ -163,7 +164,12 @@ class VerdictCount:
         return worst, Counter({reason: count for (trust, reason), count in self.counts.items() if trust is worst})
 
     def _check(self, reason: str, doubtful: int) -> str:
-        """What to check doubtful points with: the cheapest model that is sure at most of them, else the finest one."""
+        """What to check doubtful points with: the cheapest model that is sure at most of them, else the finest one.
+
+        Empty where no model is sure.
+        """
+        if self.unchecked and not self.checks:
+            return ""
         model, count = (self.checks or Counter({self.finest: 0})).most_common(1)[0]
         at = "there" if doubtful == 1 else "at all of them" if count == doubtful else f"at {count:,} of them"
         notes = [f"sure {at}"] * bool(count)

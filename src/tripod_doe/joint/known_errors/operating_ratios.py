@@ -86,9 +86,11 @@ def touching_spheres(points: Mapping[str, NDArray[Any]], ratios: Mapping[str, Fl
 
 
 def has_no_thrust(ratios: Mapping[str, FloatArray]) -> NDArray[np.bool_]:
-    """Whether a point has no thrust force in any model: without angle, torque or sliding friction of the grooves."""
-    still = (ratios["joint_angle_deg"] == 0) | (ratios["groove_friction"] == 0)
-    return np.asarray(still | ~np.isfinite(ratios["inertia_ratio"]))  # a force over the force from the torque
+    """Whether a point has no thrust force in any model: without angle or sliding friction of the grooves.
+
+    Without torque, inertia presses the rollers into their grooves.
+    """
+    return np.asarray((ratios["joint_angle_deg"] == 0) | (ratios["groove_friction"] == 0))
 
 
 def coordinates(ratios: Mapping[str, FloatArray]) -> FloatArray:

@@ -90,8 +90,6 @@ def run_joint(
             the values.
         usual: Tolerance or step that such a run begins with, by a method other than `adaptive-euler`.
     """
-    if reason := _out_of_range(values):
-        return JointRun(Outcome.OUT_OF_RANGE, reason)
     accuracy, samples = accuracy or OrderAccuracy({3: values.accuracy}), wanted.samples
     settles = math.isnan(values.step) and math.isnan(values.relative_tolerance)
     lumped, vibrating = assemble(build_joint(values, needles=False)), None
@@ -323,10 +321,3 @@ def compile_joint(values: JointValues[float], method: str) -> None:
         thrust_parts(assembly, result.times, result.positions, result.velocities, values)
         departure_matrices(assembly, [assembly.initial_state()])
     _COMPILED.add(method)
-
-
-def _out_of_range(values: JointValues[float]) -> str:
-    """Reason why this operating point has no thrust orders; empty if it has."""
-    if values.torque == 0:
-        return "without torque no force presses the rollers into their grooves; set torque_n_m or use model equilibrium"
-    return ""
