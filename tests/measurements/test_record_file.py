@@ -272,6 +272,38 @@ def test_tdms_channels_may_be_true_or_false_and_time_stamps(tmp_path):
     assert columns["time_s"] == pytest.approx([0.0, 0.25], abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("timing", "refused"),
+    [
+        (
+            {"wf_increment": 0.12},
+            "'Axial force' and 'Tacho' were sampled at different times: every 0.1 s and every 0.12 s",
+        ),
+        ({"wf_increment": 0.1, "wf_start_offset": 0.2}, r"the second from \+0.2 s on"),
+        ({"wf_increment": 0.1, "wf_start_time": np.datetime64(-1, "s")}, "the second from -1 s on"),
+        ({"wf_increment": 0.1, "wf_start_offset": 0.01}, ""),
+    ],
+)
+def test_tdms_channels_of_other_times_are_refused(tmp_path, timing, refused):
+    """Regression: a force of 41.4 N was 2 N beside a tachometer at another rate, and the phase of one of another start.
+
+    A slow channel in front gave all of them its increment.
+    """
+    nptdms = pytest.importorskip("nptdms")
+    channels = {
+        "Torque": (np.full(2, 50.0), {"wf_increment": 5.0}),
+        "Axial force": (np.arange(10.0), {"wf_increment": 0.1, "wf_start_time": np.datetime64(0, "s")}),
+        "Tacho": (np.arange(10.0), {"wf_start_time": np.datetime64(0, "s")} | timing),
+    }
+    with nptdms.TdmsWriter(tmp_path / "record.tdms") as writer:
+        writer.write_segment([nptdms.ChannelObject("rig", name, *each) for name, each in channels.items()])
+    if refused:
+        with pytest.raises(InputError, match=refused):
+            read_record(tmp_path / "record.tdms")
+    else:
+        assert read_record(tmp_path / "record.tdms").columns["time_s"][1] == pytest.approx(0.1)
+
+
 def test_an_mdf_file_is_named(tmp_path):
     (tmp_path / "record.mf4").write_bytes(b"MDF     4.10    ")
     with pytest.raises(InputError, match="MDF file is not read: export its channels"):

@@ -87,7 +87,11 @@ def read_record(path: Path, given: Mapping[str, str] | None = None) -> Record:
     if long := next((heading for heading in table.headings if len(heading) > _LONGEST), ""):
         raise InputError(f"{long[:40]}...: a heading of more than {_LONGEST} characters: shorten it")
     columns, taken, remarks = {}, list[str](), list[str]()
-    for role, position in roles_of(table.headings, given).items():
+    roles = roles_of(table.headings, given)
+    sampled = [table.headings[at] for role, at in roles.items() if role not in OPERATING]
+    by_heading = dict(zip(table.headings, table.columns, strict=False))
+    _refuse_other_times({heading: by_heading[heading] for heading in sorted(sampled, key="time_s".__eq__)})
+    for role, position in roles.items():
         heading = unit_given(table.headings[position], given.get(role))
         try:
             factor = unit_factor(role, heading)
@@ -102,6 +106,19 @@ def read_record(path: Path, given: Mapping[str, str] | None = None) -> Record:
         if heading != role:
             taken.append(f"{role} from {heading!r}" + (f" times {factor:.6g}" if factor != 1 else ""))
     return Record(columns, tuple(table.headings), ", ".join(taken), tuple(table.notes), tuple(remarks))
+
+
+def _refuse_other_times(columns: Mapping[str, pd.Series[float]]) -> None:
+    """Refuse waveforms of a TDMS file whose samples of one row were taken at different times."""
+    timed = [(heading, *timing) for heading, column in columns.items() if (timing := column.attrs.get("timing"))]
+    for heading, increment, start in timed[1:]:
+        first, other, began = timed[0]
+        apart, rows = start - began, columns[heading].size
+        if abs(apart) + rows * abs(increment - other) > other / 2:
+            raise InputError(
+                f"{first!r} and {heading!r} were sampled at different times: every {other:g} s and every {increment:g} "
+                f"s, the second from {apart:+g} s on; export the record with one sampling rate from one start"
+            )
 
 
 def read_table_of(path: Path, given: Mapping[str, str]) -> Table:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -26,7 +28,8 @@ def read_tdms(path: Path) -> tuple[list[str], list[pd.Series[float]], list[str]]
     """Headings with their units, columns, and properties as lines ``name: value``.
 
     Reads the channels of the group with the most values: numbers, true and false, time stamps as s since the first.
-    Shorter channels end in gaps. Without a time channel, the increment of the waveform gives the time.
+    Shorter channels end in gaps. Without a time channel, the increment of the longest waveform gives the time. A column
+    has the increment and the start of its waveform in s, where these are known, as the attribute ``timing``.
 
     Raises:
         InputError: If npTDMS is not installed, or the file cannot be read or has no channels.
@@ -53,9 +56,20 @@ def read_tdms(path: Path) -> tuple[list[str], list[pd.Series[float]], list[str]]
             unit, values = "s", (values - values[:1]) / np.timedelta64(1, "s")
         headings.append(f"{channel.name} [{unit}]" if unit else channel.name)
         columns.append(pd.Series(np.pad(values.astype(float), (0, rows - len(channel)), constant_values=np.nan)))
-    increment = next((c.properties["wf_increment"] for c in channels if c.properties.get("wf_increment")), None)
-    if increment is not None:
+        columns[-1].attrs["timing"] = _timing(channel.properties)
+    timed = [column for column in columns if column.attrs["timing"]]
+    if timed:
+        longest = max(timed, key=lambda column: column.count())
         headings.append("time_s")
-        columns.append(pd.Series(np.arange(rows) * float(increment)))
+        columns.append(pd.Series(np.arange(rows) * longest.attrs["timing"][0]))
+        columns[-1].attrs["timing"] = longest.attrs["timing"]
     properties = {**file.properties, **group.properties}
     return headings, columns, [f"{name}: {value}" for name, value in properties.items()]
+
+
+def _timing(properties: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Increment and start of a waveform in s; None where it states no increment."""
+    if not (increment := float(properties.get("wf_increment", 0.0))):
+        return None
+    began = np.datetime64(properties.get("wf_start_time", 0), "us")
+    return increment, began.astype(np.int64) / 1e6 + float(properties.get("wf_start_offset", 0.0))
