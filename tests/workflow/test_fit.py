@@ -421,6 +421,7 @@ def test_what_records_do_not_tell_is_said(written, tmp_path):
         (("high = 0.15", "high = 0.01"), "low = 0.02 must be below high = 0.01"),
         (("orders = [3]", "orders = [3, 13]"), "rotating orders are 1 to 12"),
         (("orders = [3]", "oders = [3]"), "did you mean 'orders'"),
+        (("orders = [3]", "orders = [3]\nwaveform = true"), "orders and waveform = true: give one of them"),
         (('scale = "log"', 'per = "joint"'), "per = 'joint'"),
         (("records.csv", "record.csv"), "cannot read"),
         (("orders = [3]", 'orders = [3]\ncolumns.thrust_n = "Kraft"'), "columns.thrust_n = 'Kraft': no such heading"),

@@ -4,7 +4,8 @@ import pytest
 
 from tripod_doe.analyses.registry import ANALYSES
 from tripod_doe.errors import InputError
-from tripod_doe.workflow.analyses import checked_settings
+from tripod_doe.study.definition.study_file import parse_study
+from tripod_doe.workflow.analyses import check_analyses, checked_settings
 
 NEEDED = {
     "stability": {"output": "y"},
@@ -54,3 +55,22 @@ def test_a_wrong_setting_is_named(kind, table, message):
 def test_a_range_of_speeds_is_a_list_of_two_numbers():
     settings = checked_settings(ANALYSES["comparison"].settings, {**NEEDED["comparison"], "speeds_rpm": [550, 600.0]})
     assert settings.speeds_rpm == (550.0, 600.0)
+
+
+@pytest.mark.parametrize("setting", ["keep = 0.9", "confirm = 100", "costs = {speed_rpm = 2}"])
+def test_settings_for_limits_need_limits(setting):
+    """Regression: they were accepted, and did nothing."""
+    text = (
+        '[study]\nname = "t"\n[factors]\nspeed_rpm = {low = 500, high = 700}\n[design]\nkind = "sobol"\nsamples = 8\n'
+    )
+    check_analyses(parse_study(f"{text}[analysis.tolerance]\nlimits = {{thrust_amplitude_3 = 20}}\n{setting}\n"))
+    with pytest.raises(InputError, match=f"{setting[:4]}.*: used with limits only"):
+        check_analyses(parse_study(f"{text}[analysis.tolerance]\n{setting}\n"))
+
+
+def test_a_scene_beside_a_function_is_refused():
+    """Regression: it was accepted, and did nothing."""
+    with pytest.raises(InputError, match="scene and function: give one"):
+        parse_study(
+            '[study]\nname = "s"\nscene = "joint"\nfunction = "textwrap:dedent"\n[factors.text]\nvalues = ["a"]\n'
+        )

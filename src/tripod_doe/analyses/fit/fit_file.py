@@ -112,6 +112,8 @@ def _check(request: FitRequest) -> None:
     file = request.file
     if bool(file.records.files) == bool(file.records.table):
         raise request.fail("[records]", 'give either files = ["rig/*.csv"] or table = "records.csv"')
+    if file.records.waveform and "orders" in file.records.model_fields_set:
+        raise request.fail("[records]", "orders and waveform = true: give one of them")
     if wrong := [order for order in file.records.orders if not 1 <= order <= 12]:
         raise request.fail("[records]", f"orders = {wrong}: rotating orders are 1 to 12")
     if isinstance(file.fit.model_error, float) and not 0 <= file.fit.model_error < 1:

@@ -291,6 +291,7 @@ def make_problem(request: OptimisationRequest) -> Problem:
     """
     file = request.file
     head = file.optimisation
+    _refuse_unread(request)
     try:
         simulator = load_simulator(head.scene, head.function, request.folder)
     except InputError as error:
@@ -332,6 +333,25 @@ def _refuse_phases(problem: Problem, formulas: list[str]) -> None:
             if is_phase_name(entry.output) or entry.output in formulas:
                 remedy = f"a response with abs, as abs({entry.output} - 30), is its distance from an angle"
                 raise problem.request.fail(f"[{table}.{name}]", f"output = {entry.output!r}: {JUMPS}; {remedy}")
+
+
+def _refuse_unread(request: OptimisationRequest) -> None:
+    """Refuse keys that other keys of the file leave without effect."""
+    file, search = request.file, request.file.search
+    if file.optimisation.function and "scene" in file.optimisation.model_fields_set:
+        raise request.fail("[optimisation]", "scene and function: give one of them")
+    if grouped := [name for name, table in file.scatter.items() if table.group is not None]:
+        raise request.fail(f"[scatter.{grouped[0]}]", "group: used by designs only; leave it out")
+    if file.scatter:
+        return
+    unread = [
+        ("[optimisation]", file.optimisation.model_fields_set & {"quantile"}, "[scatter]"),
+        ("[search]", search.model_fields_set & {"samples", "confirm_samples"}, "[scatter]"),
+        ("[search]", search.model_fields_set & {"confirmed"} if search.confirm is None else (), "confirm or [scatter]"),
+    ]
+    for where, keys, needed in unread:
+        if keys:
+            raise request.fail(where, f"{', '.join(sorted(keys))}: used with {needed} only; leave out")
 
 
 def _start_value(name: str, base: Mapping[str, Value], simulator: Simulator, variable: Any) -> Value:

@@ -187,6 +187,8 @@ def check_tolerance(settings: ToleranceSettings, study: Study) -> None:
     Raises:
         InputError: With the nearest name that there is.
     """
+    if not settings.limits and (unread := sorted(settings.model_fields_set & {"keep", "confirm", "costs"})):
+        raise InputError(f"{', '.join(unread)}: used with limits only; leave out, or give limits")
     _refuse_unknown("costs", settings.costs, "factor", study.factors)
     outputs, responses = study.simulator.outputs, [response.name for response in study.responses]
     names = settings.outputs

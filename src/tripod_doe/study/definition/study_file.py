@@ -226,8 +226,10 @@ def _base(origin: str, simulator: Simulator, given: Mapping[str, Value], factors
 
 
 def _refuse_unread(origin: str, file: StudyFile) -> None:
-    """Refuse what the design would leave out in silence: keys, sub-designs and factors."""
+    """Refuse what a study would leave out in silence: a scene, keys of designs, sub-designs and factors."""
     design = file.design
+    if file.study.function and "scene" in file.study.model_fields_set:
+        raise InputError(f"{origin}: [study]: scene and function: give one of them")
     _with_place(origin, "[design]", lambda: refuse_unread_keys(design))
     for name, part in file.designs.items():
         where = f"[design.{name}]"
