@@ -1,6 +1,6 @@
 """Records the errors of the models, by which every answer states them: src/tripod_doe/joint/known_errors/model_errors.csv.
 
-    studies="rungs_needles joint_angle speed_torque needles_field needles_reference needles_wide_field needles_fast_field needles_other_joints rungs"
+    studies="rungs_needles joint_angle speed_torque needles_field needles_reference needles_wide_field needles_fast_field needles_other_joints needles_large_angles needles_fast_small_angles rungs"
     for study in $studies; do
         tripod-doe run studies/$study.toml --out results/$study
     done

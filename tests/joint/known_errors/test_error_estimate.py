@@ -31,6 +31,8 @@ STUDIES = [
         "needles_wide_field",
         "needles_fast_field",
         "needles_other_joints",
+        "needles_large_angles",
+        "needles_fast_small_angles",
     )
 ] + ["studies/rungs.toml"]
 SECOND = Quantity("thrust_amplitude_2", "thrust_amplitude", 2, 0.1)
@@ -61,14 +63,15 @@ def left_out(measured, model):
 
 @pytest.mark.parametrize("model", COMPARED)
 def test_typical_errors_and_limits_hold_in_drive_and_in_coast(model):
-    """Exact by its meaning; shares are known to 5 % from some 100 points, of `rollers` in coast to 10 % from 30.
+    """Exact by its meaning; shares are known to 5 % from some 100 points. Errors against `needles` count alone: to those
+    against `rollers` a typical error was added, so that most of them are larger than typical ones.
 
     Regression: without the direction as a coordinate, coast had the errors of drive, a third of the points within their
     typical error and 79 % within their limit.
     """
     measured = error_estimate._measured()
     at, error, typical, limit = left_out(measured, model)
-    known = np.isfinite(limit)
+    known = np.isfinite(limit) & ~np.isinf(measured.errors["rollers"][at])
     for direction in (1, -1):
         rows = known & (np.sign(measured.given["torque_n_m"][at]) == direction)
         assert rows.sum() > 25
