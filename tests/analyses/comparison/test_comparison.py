@@ -757,3 +757,11 @@ def test_a_waveform_without_its_angles_is_that_of_its_orders(rotation):
     with_thrust = point.assign(thrust=("rotation_deg", np.zeros(720))).assign_coords(angles)
     wave = np.exp(1j * np.radians(np.outer(np.arange(360), np.arange(13))))
     assert model_waveform(with_thrust, values, wave).tolist() == model_waveform(point, values, wave).tolist()
+
+
+@pytest.mark.parametrize("balance", ["equilibrium", "kinetostatic"])
+def test_a_point_without_torque_is_refused(measure, balance):
+    """Regression: 8 N that inertia makes at 3,000 rpm were "beyond both uncertainties" of 0 +- 0 N."""
+    point = td.simulate(model=balance, torque_n_m=0, speed_rpm=3000)
+    with pytest.raises(td.InputError, match="nothing to compare with at torque_n_m = 0"):
+        td.compare(measure(Recorder({3: (8.0, 20.0)})), point)

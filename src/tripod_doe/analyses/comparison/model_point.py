@@ -178,12 +178,20 @@ def model_uncertainty(
 
     Returns:
         Amplitudes (N) and phases (deg), shape (order,) each, a phase NaN where its error is not known; and the origin.
+
+    Raises:
+        InputError: If the point has no torque.
     """
     from scipy.special import ndtri  # quantiles of the normal distribution
 
     deviation, origin, known = own_uncertainty(point), "", parameters_of(point)
     turned = np.zeros(ORDERS.size)
     if known:
+        if known["torque_n_m"] == 0:
+            raise InputError(
+                "there is nothing to compare with at torque_n_m = 0: only inertia presses the rollers into their "
+                "grooves, which no model follows; compare a record under load"
+            )
         simulator = load_simulator("joint")
         columns = simulator.columns(known, {}, 1)
         others, phases = (each[0] for each in deviations_of_orders(simulator, columns, amplitude[None]))
