@@ -154,6 +154,7 @@ def test_json_tells_every_claim_with_null_for_what_is_not_known():
     assert failed["tolerance"] == {"low": None, "high": 2.0}
     assert open_one["holds"] is None
     assert open_one["value"] is None
+    assert (failed["beyond_numerical_error"], open_one["beyond_numerical_error"]) == (True, None)
     assert {"statement", "where", "quantity", "unit", "numerical_error", "reason"} <= set(failed)
     assert "does not print" in table["cases"]
 

@@ -132,7 +132,7 @@ def claims_json(claims: xr.Dataset) -> str:
                 "value": value,
                 "numerical_error": error,
                 "holds": holds[Verdict(int(row["verdict"]))],
-                "beyond_numerical_error": bool(row["sure"]),
+                "beyond_numerical_error": None if error is None else bool(row["sure"]),
                 "reason": str(row["reason"].item()),
             }
         )
