@@ -282,6 +282,7 @@ def test_tdms_channels_may_be_true_or_false_and_time_stamps(tmp_path):
         ({"wf_increment": 0.1, "wf_start_offset": 0.2}, r"the second from \+0.2 s on"),
         ({"wf_increment": 0.1, "wf_start_time": np.datetime64(-1, "s")}, "the second from -1 s on"),
         ({"wf_increment": 0.1, "wf_start_offset": 0.01}, ""),
+        ({"wf_increment": "0.1 s", "wf_start_offset": "none"}, ""),  # regression: an internal error
     ],
 )
 def test_tdms_channels_of_other_times_are_refused(tmp_path, timing, refused):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from tripod_doe.errors import InputError
 from tripod_doe.files.regular_files import opened_regular
 
 _MARK = b"TDSm"
+_NUMBER = (int, float, np.integer, np.floating)
 
 
 def is_tdms(path: Path) -> bool:
@@ -68,8 +70,10 @@ def read_tdms(path: Path) -> tuple[list[str], list[pd.Series[float]], list[str]]
 
 
 def _timing(properties: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Increment and start of a waveform in s; None where it states no increment."""
-    if not (increment := float(properties.get("wf_increment", 0.0))):
+    """Increment and start of a waveform in s; None where it states no increment, or something else in place of one."""
+    increment, offset = (properties.get(f"wf_{name}") for name in ("increment", "start_offset"))
+    if not (isinstance(increment, _NUMBER) and 0 < increment < math.inf):
         return None
-    began = np.datetime64(properties.get("wf_start_time", 0), "us")
-    return increment, began.astype(np.int64) / 1e6 + float(properties.get("wf_start_offset", 0.0))
+    began = properties.get("wf_start_time")
+    start = began.astype("datetime64[us]").astype(np.int64) / 1e6 if isinstance(began, np.datetime64) else 0.0
+    return float(increment), start + (float(offset) if isinstance(offset, _NUMBER) else 0.0)
