@@ -6,6 +6,8 @@ import gc
 import json
 import multiprocessing
 import os
+import subprocess
+import time
 
 import pytest
 
@@ -108,6 +110,20 @@ def test_a_compilation_within_a_compilation_does_not_wait_for_itself(empty_cache
         "compiling kernels of model a, once per version: at most about 20 s on an idle machine",
         "compiling kernels of model b, once per version: at most about 10 s on an idle machine",
     ]
+
+
+def test_a_program_runs_meanwhile_only_where_kernels_are_compiled(empty_cache, tmp_path, monkeypatch):
+    """Kernels that are needed next are compiled at the same time: a first run waits a third less."""
+    made = tmp_path / "made"
+    program = f"open({str(made)!r}, 'w').close()"
+    with first_compilation("model a", 1, program):
+        until = time.monotonic() + 30
+        while not made.exists():
+            assert time.monotonic() < until
+            time.sleep(0.01)
+    monkeypatch.setattr(subprocess, "Popen", None)
+    with first_compilation("model a", 1, program):
+        pass
 
 
 def test_no_garbage_is_looked_for_meanwhile(empty_cache):

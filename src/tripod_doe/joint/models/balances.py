@@ -38,6 +38,8 @@ from tripod_doe.model_interface import BlockResult, Outcome
 if TYPE_CHECKING:  # a model imports its kernels when it is first used
     from tripod_doe.joint.force_balance.equilibrium import Equilibrium
 
+_COMPILE_RUNS = "from tripod_doe.joint.simulator import simulator; simulator.compile('rollers', 'adaptive-euler')"
+
 _Solve = Callable[[JointValues[FloatArray], int, frozenset[str], dict[str, FloatArray]], "Equilibrium"]
 """Solve points at a number of samples per revolution; add the named contact outputs to the table."""
 
@@ -194,7 +196,8 @@ def _balance(name: str, solve: _Solve, tolerance: float, energy_limit: float, mo
     simulate = partial(_simulate_balance, solve, energy_limit)
 
     def prepare(point: JointValues[FloatArray], method: str) -> None:
-        with first_compilation(f"model {name} with {method}", seconds=10):
+        program = _COMPILE_RUNS if moves_needles else ""  # for the first look for vibrations
+        with first_compilation(f"model {name} with {method}", seconds=10, program=program):
             simulate(point, method, 30, ())
 
     return Model(

@@ -8,11 +8,13 @@ and load the machine code. The system releases the lock of a process that ends i
 
 from __future__ import annotations
 
+import atexit
 import fcntl
 import gc
 import json
 import multiprocessing
 import os
+import subprocess
 import sys
 import threading
 import time
@@ -34,12 +36,14 @@ process that waits for this one."""
 
 
 @contextmanager
-def first_compilation(kernels: str, seconds: float) -> Iterator[None]:
+def first_compilation(kernels: str, seconds: float, program: str = "") -> Iterator[None]:
     """Compile kernels in the block, or load their machine code, while no other process compiles them.
 
     Args:
         kernels: Their name in the message, as ``"model equilibrium with newton"``; the same words for the same kernels.
         seconds: At most, from an empty cache (Intel Xeon, one core), for the message.
+        program: Python code that compiles other kernels, which are probably needed next: another process runs it
+            meanwhile, and ends with this one. Whoever needs them before waits for its lock.
 
     If the folder cannot be written, each process compiles.
     """
@@ -53,10 +57,18 @@ def first_compilation(kernels: str, seconds: float) -> Iterator[None]:
             yield
             return
         _say(f"compiling kernels of {kernels}, once per version: at most about {seconds:.0f} s on an idle machine")
+        if program and len(os.sched_getaffinity(0)) > 1:
+            _run_elsewhere(program)
         started = time.perf_counter()
         with _counted(note), _no_collections():
             yield
         _say(f"compiled in {time.perf_counter() - started:.0f} s")
+
+
+def _run_elsewhere(program: str) -> None:
+    words = [sys.executable, "-P", "-c", program]
+    other = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True)
+    atexit.register(other.kill)
 
 
 def compilations(kernels: str) -> dict[str, int]:
