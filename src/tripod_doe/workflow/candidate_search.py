@@ -71,7 +71,7 @@ class CandidateSearch:
         return Archive(np.array(self._units), Judged.joined(self._judged), np.array(self._generation))
 
     def judge(self, units: FloatArray, sample: Sample, model: str) -> Judged:
-        """Judge candidates; runs no point of a candidate with a follower out of range."""
+        """Judge candidates; runs no point of one that cannot be."""
         reasons = self.problem.misfits(units)
         able = np.array([not reason for reason in reasons], bool)
         if able.all():
