@@ -57,7 +57,8 @@ _VIBRATING = """
 Many joints vibrate by themselves: with high friction in the grooves or of the needles, with large joint angles, and at
 low torque and low speed. `rollers` and `needles` follow the vibration, which takes several times as long, and
 `outcome_detail` states its frequency, growth and size ([Vibration](vibration.md)). `kinetostatic` computes the
-motion without vibration.
+motion without vibration, and where it finds that the joint vibrates, about what the vibration makes of the third order
+(`vibration_third_order`).
 """
 
 
