@@ -1,6 +1,6 @@
 """Scatter of dimensions and frictions: one fixed sample of it for all candidates, another one to confirm them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -41,11 +41,11 @@ class Scatter:
             sample[name] = values
         return sample
 
-    def misfit(self, name: str, values: NDArray[Any]) -> str:
-        """Why a parameter cannot have one of these values, which candidates have with the scatter; else empty."""
-        for value in (values.min(), values.max()):
+    def misfit(self, name: str, values: Iterable[float]) -> str:
+        """Why a parameter cannot have one of these values, which a candidate has with the scatter; else empty."""
+        for value in values:
             try:
-                self.parameters[name].check(float(value))
+                self.parameters[name].check(value)
             except InputError as error:
                 return f"[scatter.{name}] reaches {error}"
         return ""

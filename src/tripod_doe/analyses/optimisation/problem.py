@@ -96,14 +96,22 @@ class Problem:
     def misfits(self, units: FloatArray) -> list[str]:
         """Why candidates cannot be, empty where they can: a value follows or scatters beyond its parameter's range."""
         reasons = self.variables.misfits(units)
-        if not self.scatter.relative or not len(units):
+        if not self._reach or not len(units):
             return reasons
         columns = self.variables.columns(units)
-        for name in sorted(self.scatter.relative):
-            both = np.concatenate([self.search_sample[name], self.confirming_sample[name]])
+        for name, (least, most) in self._reach.items():
             for row, value in enumerate(columns[name].tolist()):
-                reasons[row] = reasons[row] or self.scatter.misfit(name, value + both)
+                reasons[row] = reasons[row] or self.scatter.misfit(name, (value + least, value + most))
         return reasons
+
+    @cached_property
+    def _reach(self) -> dict[str, tuple[float, float]]:
+        """Smallest and largest difference from the value of a candidate, by variable that scatters."""
+        both = {
+            name: np.concatenate([self.search_sample[name], self.confirming_sample[name]])
+            for name in sorted(self.scatter.relative)
+        }
+        return {name: (float(apart.min()), float(apart.max())) for name, apart in both.items()}
 
     def joints(self, sample: Sample) -> int:
         """Number of joints that stand for a candidate."""

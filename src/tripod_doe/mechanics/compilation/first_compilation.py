@@ -57,7 +57,7 @@ def first_compilation(kernels: str, seconds: float, program: str = "") -> Iterat
             yield
             return
         _say(f"compiling kernels of {kernels}, once per version: at most about {seconds:.0f} s on an idle machine")
-        if program and _compiling and (os.cpu_count() or 1) > 1:  # without a lock nobody would load what it compiles
+        if program and _compiling and (os.cpu_count() or 1) > 1:  # without a lock, its machine code is not loaded
             _run_elsewhere(program)
         started = time.perf_counter()
         with _counted(note), _no_collections():

@@ -274,7 +274,7 @@ def _without_programs(connection: sqlite3.Connection) -> sqlite3.Connection:
 
 def _opened(path: Path) -> sqlite3.Connection:
     connection = _without_programs(sqlite3.connect(path, check_same_thread=False))
-    connection.execute("PRAGMA journal_mode = DELETE")  # with a log beside it, a lost log loses rows in silence
+    connection.execute("PRAGMA journal_mode = DELETE")  # a lost write-ahead log would lose rows in silence
     connection.execute("PRAGMA synchronous = FULL")
     connection.executescript(_SCHEMA)
     return connection
